@@ -1,0 +1,96 @@
+//! One row of numbers per point: what the full connection compares.
+
+use crate::error::{Error, Result};
+
+/// N descriptors of dimension D, row-major f32: row `i` belongs to point `i`.
+///
+/// FPFH gives 33 bins a row; any other embedding (learned features, colours,
+/// positions) works the same, the weights only see distances between rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Descriptors {
+    dim: usize,
+    data: Vec<f32>,
+}
+
+impl Descriptors {
+    /// Rows of length `dim`, one after the other in `data`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when `dim` is 0 or does not divide `data.len()`,
+    /// [`Error::NonFinite`] with the row of the first NaN or infinity.
+    ///
+    /// ```
+    /// let descriptors = cfreg::Descriptors::new(2, vec![0.0, 1.0, 2.0, 3.0])?;
+    /// assert_eq!(descriptors.row(1), [2.0, 3.0]);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn new(dim: usize, data: Vec<f32>) -> Result<Self> {
+        if dim == 0 || !data.len().is_multiple_of(dim) {
+            return Err(Error::Shape {
+                what: format!("{} descriptor values in rows of {dim}", data.len()),
+                expected: dim.max(1),
+                found: data.len().checked_rem(dim).unwrap_or(0),
+            });
+        }
+        match data.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(Error::NonFinite { what: "descriptors".into(), index: at / dim }),
+            None => Ok(Descriptors { dim, data }),
+        }
+    }
+
+    /// Number of rows N.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.dim
+    }
+
+    /// Whether there is no row.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// Values a row, D.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Row `i`, of length D.
+    ///
+    /// # Panics
+    /// When `i` is not below [`len`](Self::len).
+    pub fn row(&self, i: usize) -> &[f32] {
+        &self.data[i * self.dim..(i + 1) * self.dim]
+    }
+
+    /// All rows in order.
+    pub fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
+        self.data.chunks_exact(self.dim)
+    }
+
+    /// The values, row after row.
+    pub fn as_slice(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The rows named by `indices`, in that order.
+    ///
+    /// # Panics
+    /// When an index is not below [`len`](Self::len).
+    pub fn select(&self, indices: &[usize]) -> Descriptors {
+        let data = indices.iter().flat_map(|&i| self.row(i)).copied().collect();
+        Descriptors { dim: self.dim, data }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_and_values_are_checked() {
+        assert!(matches!(Descriptors::new(0, vec![]), Err(Error::Shape { .. })));
+        assert!(matches!(Descriptors::new(3, vec![0.0; 4]), Err(Error::Shape { found: 1, .. })));
+        let nan = Descriptors::new(2, vec![0.0, 0.0, 0.0, f32::NAN]);
+        assert!(matches!(nan, Err(Error::NonFinite { index: 1, .. })));
+        assert!(Descriptors::new(33, vec![]).unwrap().is_empty());
+    }
+}

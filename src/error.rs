@@ -1,0 +1,171 @@
+//! The one error type of the crate.
+//!
+//! Every variant carries what clashed, so that a message names the file, line,
+//! field or value and what to do about it. `Err` means that an answer could not
+//! be computed; an answer with grounds for doubt is `Ok` with those grounds
+//! inside (see [`crate::quality`]).
+
+use std::path::{Path, PathBuf};
+
+/// `Result` with the crate's [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Everything that can keep an answer from being computed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Fewer usable points than the step needs.
+    #[error("{what} has {found} usable points, at least {needed} are needed")]
+    TooFewPoints {
+        /// Which cloud, or which set of points.
+        what: String,
+        /// Points that are there.
+        found: usize,
+        /// Points that the step needs.
+        needed: usize,
+    },
+
+    /// A value handed in by the caller is NaN or infinite.
+    ///
+    /// Clouds drop such points and count them instead; this is for descriptors,
+    /// weights and moments, where dropping would hide a fault of the caller.
+    #[error("{what} has a NaN or infinite value at index {index}: remove or repair it first")]
+    NonFinite {
+        /// What held the value.
+        what: String,
+        /// Its row.
+        index: usize,
+    },
+
+    /// Two things that must agree in length or dimension do not.
+    #[error("{what}: expected {expected}, found {found}")]
+    Shape {
+        /// What was compared.
+        what: String,
+        /// The size that was called for.
+        expected: usize,
+        /// The size that was there.
+        found: usize,
+    },
+
+    /// The coordinates span more, or less, than f32 squared distances can hold.
+    #[error(
+        "coordinates span {extent:e} units, spans between 1e-15 and 1e15 can be computed with: \
+         look for stray points or change the unit"
+    )]
+    Extent {
+        /// Longest side of the bounding box.
+        extent: f64,
+    },
+
+    /// No connection has any weight, so there is nothing to solve.
+    #[error(
+        "all weights are zero (or underflow) over {pairs} connections: the descriptors have \
+         nothing in common at this bandwidth; raise beta or check the clouds"
+    )]
+    NoWeight {
+        /// Connections that were weighed.
+        pairs: u64,
+    },
+
+    /// The weighted pairs do not determine a rotation.
+    #[error(
+        "the weighted connections do not determine a rotation: rank {rank} of the \
+         cross-covariance, singular values relative to the clouds' spread {0:.3e}, {1:.3e}, \
+         {2:.3e}; at least two must exceed 1e-7 (collinear, planar or featureless clouds, or \
+         weights that do not tell points apart)",
+        .singular_values[0], .singular_values[1], .singular_values[2]
+    )]
+    Degenerate {
+        /// Number of singular values that count, 0 or 1.
+        rank: usize,
+        /// Singular values of the cross-covariance over the product of the two
+        /// weighted standard deviations, in `[0, 1]`, descending.
+        singular_values: [f64; 3],
+    },
+
+    /// A setting outside its range, or two that contradict each other.
+    #[error("{field} = {value}: {rule}")]
+    Config {
+        /// Name of the setting, as in the configuration struct.
+        field: &'static str,
+        /// What it was set to.
+        value: String,
+        /// What it must be.
+        rule: String,
+    },
+
+    /// A file that is not what it claims to be.
+    #[error("{}{}: {what}", .path.display(), Position(*.line, *.byte))]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1, in a text part.
+        line: Option<usize>,
+        /// Byte, from 0, in a binary part.
+        byte: Option<u64>,
+        /// What was wrong, and what was expected.
+        what: String,
+    },
+
+    /// The operating system refused to read or write.
+    #[error("{}: {source}", .path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+impl Error {
+    /// An [`Error::Io`] for `path`.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Error::Io { path: path.as_ref().to_path_buf(), source }
+    }
+
+    /// An [`Error::Config`] that shows `value` as the user would write it.
+    pub fn config(
+        field: &'static str,
+        value: impl std::fmt::Display,
+        rule: impl Into<String>,
+    ) -> Self {
+        Error::Config { field, value: value.to_string(), rule: rule.into() }
+    }
+}
+
+/// `:line 3`, `:byte 120` or nothing.
+struct Position(Option<usize>, Option<u64>);
+
+impl std::fmt::Display for Position {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.0, self.1) {
+            (Some(line), _) => write!(f, ", line {line}"),
+            (None, Some(byte)) => write!(f, ", byte {byte}"),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parse_error_names_file_and_position() {
+        let at = |line, byte| Error::Parse {
+            path: "a.ply".into(),
+            line,
+            byte,
+            what: "no vertices".into(),
+        };
+        assert_eq!(at(Some(3), None).to_string(), "a.ply, line 3: no vertices");
+        assert_eq!(at(None, Some(9)).to_string(), "a.ply, byte 9: no vertices");
+        assert_eq!(at(None, None).to_string(), "a.ply: no vertices");
+    }
+
+    #[test]
+    fn errors_stay_small() {
+        assert!(size_of::<Error>() <= 96, "{}", size_of::<Error>());
+    }
+}

@@ -1,0 +1,86 @@
+//! 3-vectors and 3×3 matrices (rows of columns) in f64.
+
+/// A 3-vector.
+pub type Vec3 = [f64; 3];
+/// A 3×3 matrix as three rows.
+pub type Mat3 = [[f64; 3]; 3];
+
+/// The 3×3 identity.
+pub const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+/// `a + b`.
+pub fn add(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// `a − b`.
+pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// `s a`.
+pub fn scaled(a: Vec3, s: f64) -> Vec3 {
+    [a[0] * s, a[1] * s, a[2] * s]
+}
+
+/// `a · b`.
+pub fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// `a × b`.
+pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Euclidean length.
+pub fn norm(a: Vec3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// `a / ‖a‖`, or the zero vector when `a` is zero.
+pub fn normalized(a: Vec3) -> Vec3 {
+    let length = norm(a);
+    if length > 0.0 { scaled(a, 1.0 / length) } else { [0.0; 3] }
+}
+
+/// `a bᵀ`.
+pub fn outer(a: Vec3, b: Vec3) -> Mat3 {
+    a.map(|x| scaled(b, x))
+}
+
+/// `M v`.
+pub fn mat_vec(m: &Mat3, v: Vec3) -> Vec3 {
+    m.map(|row| dot(row, v))
+}
+
+/// `Mᵀ`.
+pub fn transpose(m: &Mat3) -> Mat3 {
+    [0, 1, 2].map(|i| [m[0][i], m[1][i], m[2][i]])
+}
+
+/// `A B`.
+pub fn mat_mul(a: &Mat3, b: &Mat3) -> Mat3 {
+    let columns = transpose(b);
+    a.map(|row| columns.map(|column| dot(row, column)))
+}
+
+/// `A − B`.
+pub fn mat_sub(a: &Mat3, b: &Mat3) -> Mat3 {
+    [0, 1, 2].map(|i| sub(a[i], b[i]))
+}
+
+/// Sum of the diagonal.
+pub fn trace(m: &Mat3) -> f64 {
+    m[0][0] + m[1][1] + m[2][2]
+}
+
+/// Determinant.
+pub fn determinant(m: &Mat3) -> f64 {
+    dot(m[0], cross(m[1], m[2]))
+}
+
+/// Frobenius norm `‖M‖_F`.
+pub fn frobenius(m: &Mat3) -> f64 {
+    m.iter().map(|&row| dot(row, row)).sum::<f64>().sqrt()
+}
