@@ -60,13 +60,10 @@ pub enum Error {
 
     /// No connection has any weight, so there is nothing to solve.
     #[error(
-        "all weights are zero (or underflow) over {pairs} connections: the descriptors have \
-         nothing in common at this bandwidth; raise beta or check the clouds"
+        "all weights are zero (or underflow): the descriptors have nothing in common at this \
+         bandwidth; raise beta or check the clouds"
     )]
-    NoWeight {
-        /// Connections that were weighed.
-        pairs: u64,
-    },
+    NoWeight,
 
     /// The weighted pairs do not determine a rotation.
     #[error(

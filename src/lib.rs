@@ -2,8 +2,14 @@
 #![warn(missing_docs)]
 
 pub mod cloud;
+pub mod descriptor;
 pub mod error;
 pub mod math;
+pub mod moments;
+pub mod normals;
+pub mod par;
+pub mod search;
+pub mod weight;
 
 pub use cloud::{Descriptors, PointCloud, Transform};
 pub use error::{Error, Result};

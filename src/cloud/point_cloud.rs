@@ -18,6 +18,7 @@ use crate::math::{self, Vec3};
 pub struct PointCloud {
     points: Vec<[f32; 3]>,
     origin: Vec3,
+    frame_origin: Vec3,
     normals: Option<Vec<[f32; 3]>>,
     viewpoint: Option<Vec3>,
     dropped: usize,
@@ -79,11 +80,12 @@ impl PointCloud {
             return Err(Error::Extent { extent });
         }
         let center = math::scaled(math::add(low, high), 0.5);
-        let origin = snapped(center, extent);
+        let origin = snapped(center, extent, 1.0);
+        let frame_origin = snapped(center, extent, FAR);
         let points: Vec<[f32; 3]> =
             points.map(|p| math::sub(p, origin).map(|x| x as f32)).collect();
         let dropped = given - points.len();
-        Ok(PointCloud { points, origin, dropped, ..Default::default() })
+        Ok(PointCloud { points, origin, frame_origin, dropped, ..Default::default() })
     }
 
     /// Sets the place the cloud was seen from, in the cloud's own frame.
@@ -141,6 +143,16 @@ impl PointCloud {
     /// Where the cloud was seen from, in its own frame, if it says so.
     pub fn viewpoint(&self) -> Option<Vec3> {
         self.viewpoint
+    }
+
+    /// The zero of the cloud's frame, where a sensor stands that says nothing else.
+    ///
+    /// For a cloud whose centre lies within about 50 times its size of zero this *is*
+    /// zero. In map coordinates zero means nothing: there it is the nearest multiple of
+    /// a round length (100 times the power of ten at or above the cloud's size), so that
+    /// it moves along with the cloud when a map offset is added.
+    pub fn frame_origin(&self) -> Vec3 {
+        self.frame_origin
     }
 
     /// Points with a NaN or infinite coordinate that were left out.
@@ -202,15 +214,18 @@ impl PointCloud {
     }
 }
 
-/// `center` rounded to multiples of the power of ten at or above `extent`.
+/// Sizes from zero at which a frame's own zero stops meaning a viewpoint.
+const FAR: f64 = 100.0;
+
+/// `center` rounded to multiples of `factor` times the power of ten at or above `extent`.
 ///
 /// For steps of 1 and more the multiples are exact in f64; below, the division
 /// by a whole power of ten is correctly rounded, so equal multiples are equal bits.
-fn snapped(center: Vec3, extent: f64) -> Vec3 {
+fn snapped(center: Vec3, extent: f64, factor: f64) -> Vec3 {
     if extent == 0.0 {
         return center;
     }
-    let exponent = extent.log10().ceil() as i32;
+    let exponent = extent.log10().ceil() as i32 + factor.log10() as i32;
     let power = 10f64.powi(exponent.abs());
     center.map(|x| {
         let snapped =
@@ -247,6 +262,15 @@ mod tests {
         let (near, far) = (PointCloud::new(&near).unwrap(), PointCloud::new(&far).unwrap());
         assert_eq!(near.points(), far.points());
         assert_eq!(math::sub(far.origin(), near.origin()), [5e5, 5.6e6, 300.0]);
+        assert_eq!(near.frame_origin(), [0.0; 3]);
+        assert_eq!(far.frame_origin(), [5e5, 5.6e6, 300.0]);
+    }
+
+    #[test]
+    fn zero_is_the_frame_origin_of_what_is_near() {
+        // A 9 cm object seen from one metre.
+        let near = PointCloud::new(&[[0.0, 0.0, 1.0], [0.09, 0.0, 1.0]]).unwrap();
+        assert_eq!(near.frame_origin(), [0.0; 3]);
     }
 
     #[test]

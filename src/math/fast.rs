@@ -1,10 +1,10 @@
 //! f32 elementary functions without branches or tables, so that loops over them
 //! vectorise inside [`pulp`]'s dispatch.
 
-/// `eˣ` for `x ≤ 0`, relative error below 3e-7 down to `x = −87.3`, and exactly 0
+/// `eˣ` for `x ≤ 0`, relative error below 4e-7 down to `x = −87.3`, and exactly 0
 /// below (where f32 would turn subnormal). NaN gives NaN.
 ///
-/// Cody-Waite reduction to `|r| ≤ ln 2 / 2`, then the Taylor series to `r⁷` by Horner.
+/// Cody-Waite reduction to `|r| ≤ ln 2 / 2`, then the Taylor series to `r⁶` by Horner.
 #[inline(always)]
 pub fn exp_neg(x: f32) -> f32 {
     const LOG2_E: f32 = std::f32::consts::LOG2_E;
@@ -15,8 +15,8 @@ pub fn exp_neg(x: f32) -> f32 {
     let shifted = x.mul_add(LOG2_E, ROUND);
     let n = shifted - ROUND;
     let r = (-n).mul_add(LN_2_LOW, (-n).mul_add(LN_2_HIGH, x));
-    let mut series = 1.0 / 5040.0;
-    for coefficient in [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+    let mut series = 1.0 / 720.0;
+    for coefficient in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
         series = r.mul_add(series, coefficient);
     }
     // The low bits of `shifted` are n: moved into the exponent they make 2ⁿ.
@@ -55,7 +55,7 @@ mod tests {
             let want = f64::from(x).exp();
             worst = worst.max((f64::from(exp_neg(x)) - want).abs() / want);
         }
-        assert!(worst < 3e-7, "{worst:e}");
+        assert!(worst < 4e-7, "{worst:e}");
         assert_eq!(exp_neg(0.0), 1.0);
         assert_eq!(exp_neg(-87.4), 0.0);
         assert_eq!(exp_neg(-1e30), 0.0);

@@ -1,0 +1,130 @@
+//! How long does the full connection take, beside the bare product of its size?
+//!
+//! Read the ratio, not the times: both are measured in this run, on one thread, as the
+//! shortest of several. `bare product` multiplies the same descriptors tile by tile
+//! through faer and throws the result away; it is what a fused pass cannot avoid.
+
+mod common;
+
+use common::{SIZES, rng, shortest, uniform};
+use criterion::{Criterion, Throughput};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use std::hint::black_box;
+
+use cfreg::moments::{Described, FullConnection, naive};
+use cfreg::weight::{Gaussian, Normalization};
+use cfreg::{Descriptors, par};
+
+const DIM: usize = 33;
+const BETA: f32 = 100.0;
+
+struct Cloud {
+    points: Vec<[f32; 3]>,
+    descriptors: Descriptors,
+}
+
+/// Descriptors of which a few are near any other, as FPFH's are.
+fn cloud(n: usize, seed: u64) -> Cloud {
+    let mut rng = rng(seed);
+    let points = (0..n).map(|_| [0; 3].map(|_| uniform(&mut rng))).collect();
+    let values = (0..n)
+        .flat_map(|_| {
+            let (a, b) = (uniform(&mut rng), uniform(&mut rng));
+            (0..DIM).map(move |d| 20.0 * (a * d as f32).sin() + 10.0 * (b * 1.7 * d as f32).cos())
+        })
+        .collect();
+    Cloud { points, descriptors: Descriptors::new(DIM, values).unwrap() }
+}
+
+impl Cloud {
+    fn described(&self) -> Described<'_> {
+        Described { points: &self.points, origin: [0.0; 3], descriptors: &self.descriptors }
+    }
+}
+
+fn bare_product(a: &Descriptors, b: &Descriptors, tile: &mut [f32]) {
+    let (rows, columns) = (512, 64);
+    for target in b.as_slice().chunks(rows * DIM) {
+        for source in a.as_slice().chunks(columns * DIM) {
+            let (m, n) = (target.len() / DIM, source.len() / DIM);
+            matmul(
+                MatMut::from_column_major_slice_mut(&mut tile[..m * n], m, n),
+                Accum::Replace,
+                MatRef::from_column_major_slice(target, m, DIM),
+                MatRef::from_column_major_slice(source, DIM, n),
+                1.0f32,
+                Par::Seq,
+            );
+            black_box(&mut *tile);
+        }
+    }
+}
+
+/// The untiled product of the same size, its N×M result written to memory.
+fn whole_product(a: &Descriptors, b: &Descriptors, out: &mut [f32]) {
+    matmul(
+        MatMut::from_column_major_slice_mut(out, b.len(), a.len()),
+        Accum::Replace,
+        MatRef::from_row_major_slice(b.as_slice(), b.len(), DIM),
+        MatRef::from_column_major_slice(a.as_slice(), DIM, a.len()),
+        1.0f32,
+        Par::Seq,
+    );
+    black_box(out);
+}
+
+fn check() {
+    let (source, target) = (cloud(300, 1), cloud(700, 2));
+    let (source, target) = (source.described(), target.described());
+    let fused = FullConnection::new(source, target).unwrap();
+    let fused = fused.moments(&Gaussian { beta: BETA }, Normalization::None).unwrap();
+    let weight = |d2: f64| (-d2 / f64::from(BETA)).exp();
+    let exact = naive::moments(source, target, weight, Normalization::None);
+    let exact = naive::about(&exact, fused.source_origin, fused.target_origin);
+    assert!((fused.weight / exact.weight - 1.0).abs() < 1e-5, "{fused:?} {exact:?}");
+}
+
+fn main() {
+    check();
+    println!(
+        "{:>7} {:>12} {:>12} {:>12} {:>8} {:>8}",
+        "points", "fused", "tiled prod.", "whole prod.", "ratio t", "ratio w"
+    );
+    for n in SIZES {
+        let (source, target) = (cloud(n, 1), cloud(n, 2));
+        let connection = FullConnection::new(source.described(), target.described()).unwrap();
+        let runs = if n > 10_000 { 3 } else { 20 };
+        let kernel = Gaussian { beta: BETA };
+        let fused = par::with_threads(1, || {
+            shortest(runs, || {
+                black_box(connection.moments(&kernel, Normalization::None).unwrap());
+            })
+        })
+        .unwrap();
+        let mut tile = vec![0.0; 512 * 64];
+        let product =
+            shortest(runs, || bare_product(&source.descriptors, &target.descriptors, &mut tile));
+        let mut out = vec![0.0; n * n];
+        let whole =
+            shortest(runs, || whole_product(&source.descriptors, &target.descriptors, &mut out));
+        println!(
+            "{n:>7} {fused:>12.3?} {product:>12.3?} {whole:>12.3?} {:>7.2}x {:>7.2}x",
+            fused.as_secs_f64() / product.as_secs_f64(),
+            fused.as_secs_f64() / whole.as_secs_f64()
+        );
+    }
+
+    let mut criterion = Criterion::default().configure_from_args().sample_size(10);
+    let mut group = criterion.benchmark_group("moments/dense");
+    for n in SIZES {
+        let (source, target) = (cloud(n, 1), cloud(n, 2));
+        let connection = FullConnection::new(source.described(), target.described()).unwrap();
+        group.throughput(Throughput::Elements(connection.pairs()));
+        group.bench_function(n.to_string(), |bencher| {
+            bencher.iter(|| connection.moments(&Gaussian { beta: BETA }, Normalization::None));
+        });
+    }
+    group.finish();
+    criterion.final_summary();
+}

@@ -1,0 +1,6 @@
+//! Descriptors: what a point's surroundings look like, in the point's own frame.
+
+mod fpfh;
+mod pair;
+
+pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh};

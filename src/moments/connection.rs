@@ -1,0 +1,236 @@
+//! The full connection between two described clouds, and its moments.
+
+use super::reduce::{MomentSums, RowSums, Targets};
+use super::sums::Moments;
+use super::tile::{Panels, Rows, SOURCES, Scaling, joint_mean, weigh_block};
+use crate::cloud::Descriptors;
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+use crate::par;
+use crate::weight::{KernelVisitor, Normalization, WeightKernel, WeightScheme};
+
+/// One side of the connection: where its points are, and what they look like.
+#[derive(Debug, Clone, Copy)]
+pub struct Described<'a> {
+    /// Positions relative to `origin`, as in [`PointCloud`](crate::PointCloud).
+    pub points: &'a [[f32; 3]],
+    /// Added to `points` gives the cloud's own frame.
+    pub origin: Vec3,
+    /// One row a point.
+    pub descriptors: &'a Descriptors,
+}
+
+/// Every source point connected with every target point (the paper's fig. 1), ready to
+/// be weighed with any kernel, any number of times.
+///
+/// ```
+/// use cfreg::{Descriptors, moments::{Described, FullConnection}, weight::Normalization};
+/// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let descriptors = Descriptors::new(1, vec![0.0, 5.0, 9.0])?;
+/// let side = Described { points: &points, origin: [0.0; 3], descriptors: &descriptors };
+/// let connection = FullConnection::new(side, side)?;
+/// // A closure is a weight.
+/// let moments = connection.moments(&|d2: f32| (-d2).exp(), Normalization::None)?;
+/// assert!((moments.weight - 3.0).abs() < 1e-6);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub struct FullConnection {
+    source: Side,
+    target: Side,
+}
+
+/// A side, laid out both ways: as rows when it is cut into blocks, as panels when it is
+/// streamed.
+struct Side {
+    origin: Vec3,
+    points: Vec<[f32; 3]>,
+    rows: Rows,
+    panels: Panels,
+}
+
+impl Side {
+    fn new(described: &Described<'_>, mean: &[f64], name: &str) -> Result<Self> {
+        let n = described.points.len();
+        if n == 0 {
+            let what = format!("the {name} of a full connection");
+            return Err(Error::TooFewPoints { what, found: 0, needed: 1 });
+        }
+        if described.descriptors.len() != n {
+            return Err(Error::Shape {
+                what: format!("descriptors of the {name}'s points"),
+                expected: n,
+                found: described.descriptors.len(),
+            });
+        }
+        // About the centroid: sums of squares about a far origin would lose digits.
+        let sum = described.points.iter().fold([0.0; 3], |s, p| math::add(s, p.map(f64::from)));
+        let centroid = math::scaled(sum, 1.0 / n as f64);
+        let centred = |p: &[f32; 3]| math::sub(p.map(f64::from), centroid).map(|x| x as f32);
+        let rows = Rows::new(described.descriptors, mean)?;
+        Ok(Side {
+            origin: math::add(described.origin, centroid),
+            points: described.points.iter().map(centred).collect(),
+            panels: rows.panels(),
+            rows,
+        })
+    }
+
+    fn streamed(&self) -> Targets {
+        let axis = |a: usize| self.points.iter().map(|p| p[a]).collect();
+        let square = |p: &[f32; 3]| p.iter().map(|x| x * x).sum();
+        Targets {
+            x: axis(0),
+            y: axis(1),
+            z: axis(2),
+            squares: self.points.iter().map(square).collect(),
+        }
+    }
+}
+
+impl FullConnection {
+    /// Connects all points of `source` with all of `target`.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPoints`] for an empty side, [`Error::Shape`] when a side has not one
+    /// descriptor a point or the dimensions differ, [`Error::NonFinite`] for descriptors
+    /// too large for f32 distances.
+    pub fn new(source: Described<'_>, target: Described<'_>) -> Result<Self> {
+        let (from, to) = (source.descriptors.dim(), target.descriptors.dim());
+        if from != to {
+            let what = "dimension of the target's descriptors, against the source's".into();
+            return Err(Error::Shape { what, expected: from, found: to });
+        }
+        let mean = joint_mean(source.descriptors, target.descriptors);
+        Ok(FullConnection {
+            source: Side::new(&source, &mean, "source")?,
+            target: Side::new(&target, &mean, "target")?,
+        })
+    }
+
+    /// Number of connections N·M.
+    pub fn pairs(&self) -> u64 {
+        self.source.rows.len() as u64 * self.target.rows.len() as u64
+    }
+
+    /// Moments of the connections weighed by `kernel` and normalised.
+    ///
+    /// One pass over the N·M pairs, two for `source` and `target`, three for `both`,
+    /// 2n + 1 for `sinkhorn:n`.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] when `kernel` returns NaN or infinity, [`Error::NoWeight`] when
+    /// all weights vanish.
+    pub fn moments<K: WeightKernel>(
+        &self,
+        kernel: &K,
+        normalization: Normalization,
+    ) -> Result<Moments> {
+        let moments = match normalization {
+            Normalization::None => self.weigh(kernel, Scaling::None),
+            Normalization::Source => {
+                let u = inverted(&self.source_sums(kernel), 1.0);
+                self.weigh(kernel, Scaling::Source(&u))
+            }
+            Normalization::Target => {
+                let v = inverted(&self.target_sums(kernel), 1.0);
+                self.weigh(kernel, Scaling::Target(&v))
+            }
+            Normalization::Both => {
+                let u = inverted(&self.source_sums(kernel), 1.0);
+                let v = inverted(&self.target_sums(kernel), 1.0);
+                self.weigh(kernel, Scaling::Dual(&u, &v))
+            }
+            Normalization::Sinkhorn(rounds) => {
+                let (u, v) = self.sinkhorn(kernel, rounds);
+                self.weigh(kernel, Scaling::Product(&u, &v))
+            }
+        };
+        moments.centered()?;
+        Ok(moments)
+    }
+
+    /// [`moments`](Self::moments) with a kernel of the catalogue at bandwidth `beta`.
+    ///
+    /// # Errors
+    /// Those of [`moments`](Self::moments), and [`Error::Config`] for a `beta` or ν out of
+    /// range.
+    pub fn scheme_moments(
+        &self,
+        scheme: WeightScheme,
+        beta: f64,
+        normalization: Normalization,
+    ) -> Result<Moments> {
+        struct Weigh<'a>(&'a FullConnection, Normalization);
+        impl KernelVisitor for Weigh<'_> {
+            type Output = Result<Moments>;
+            fn visit<K: WeightKernel>(self, kernel: K) -> Result<Moments> {
+                self.0.moments(&kernel, self.1)
+            }
+        }
+        scheme.visit(beta, Weigh(self, normalization))?
+    }
+
+    /// Σ_j w_ij of every source point.
+    pub fn source_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
+        row_sums(&self.source.rows, &self.target.panels, kernel, Scaling::None)
+    }
+
+    /// Σ_i w_ij of every target point.
+    pub fn target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
+        row_sums(&self.target.rows, &self.source.panels, kernel, Scaling::None)
+    }
+
+    fn weigh<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
+        let (rows, panels) = (&self.source.rows, &self.target.panels);
+        let targets = self.target.streamed();
+        let start = Moments::about(self.source.origin, self.target.origin);
+        let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
+            let sums = vec![[0.0; 6]; block.len()];
+            let mut reducer = MomentSums { targets: &targets, sums };
+            weigh_block(rows, block.clone(), panels, kernel, scaling, &mut reducer, tile);
+            reducer.fold(&self.source.points[block], start)
+        });
+        blocks.iter().fold(start, |mut sum, block| {
+            sum.merge(block);
+            sum
+        })
+    }
+
+    /// Factors uᵢ and vⱼ after `rounds` of Sinkhorn-Knopp.
+    fn sinkhorn<K: WeightKernel>(&self, kernel: &K, rounds: u32) -> (Vec<f32>, Vec<f32>) {
+        let (n, m) = (self.source.rows.len(), self.target.rows.len());
+        let (mut u, mut v) = (Vec::new(), vec![1.0f32; m]);
+        for _ in 0..rounds {
+            let sums =
+                row_sums(&self.source.rows, &self.target.panels, kernel, Scaling::Target(&v));
+            u = inverted(&sums, 1.0 / n as f64);
+            let sums =
+                row_sums(&self.target.rows, &self.source.panels, kernel, Scaling::Target(&u));
+            v = inverted(&sums, 1.0 / m as f64);
+        }
+        (u, v)
+    }
+}
+
+fn row_sums<K: WeightKernel>(
+    rows: &Rows,
+    panels: &Panels,
+    kernel: &K,
+    scaling: Scaling<'_>,
+) -> Vec<f64> {
+    let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
+        let mut reducer = RowSums { sums: vec![0.0; block.len()] };
+        weigh_block(rows, block, panels, kernel, scaling, &mut reducer, tile);
+        reducer.sums
+    });
+    blocks.concat()
+}
+
+/// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.
+/// A NaN sum stays NaN, so that a bad kernel is reported and not hidden.
+fn inverted(sums: &[f64], numerator: f64) -> Vec<f32> {
+    let invert = |&sum: &f64| {
+        if sum < f64::from(f32::MIN_POSITIVE) { 0.0 } else { (numerator / sum) as f32 }
+    };
+    sums.iter().map(invert).collect()
+}

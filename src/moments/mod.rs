@@ -1,0 +1,18 @@
+//! The narrow waist: all that a closed form needs of N×M weighted pairs.
+//!
+//! [`FullConnection`] weighs every source point against every target point and
+//! returns [`Moments`], in one fused pass over tiles of the distance matrix: tile
+//! filler → weight → reducer. W is never stored; memory is O(N + M).
+//!
+//! Floors: the tiles are f32, everything summed over more than one tile is f64, tiles
+//! are cut at fixed places and merged in order, so the bits do not depend on the
+//! number of threads. [`naive`] is the specification: the double loop in f64.
+
+mod connection;
+pub mod naive;
+mod reduce;
+mod sums;
+mod tile;
+
+pub use connection::{Described, FullConnection};
+pub use sums::{Centered, Moments};

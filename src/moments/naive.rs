@@ -1,0 +1,97 @@
+//! The specification of [`super::FullConnection`]: the double loop, in f64, with the
+//! normalisations as they are defined. O(N·M) memory for those; the oracle of tests.
+
+use super::connection::Described;
+use super::sums::Moments;
+use crate::math::{self, Vec3};
+use crate::weight::Normalization;
+
+/// Moments of the full connection about the origins of `source` and `target`, weighed by
+/// `weight(d²)` in f64.
+///
+/// # Panics
+/// When a side has fewer descriptors than points.
+pub fn moments(
+    source: Described<'_>,
+    target: Described<'_>,
+    weight: impl Fn(f64) -> f64,
+    normalization: Normalization,
+) -> Moments {
+    let (n, m) = (source.points.len(), target.points.len());
+    let mut w: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..m).map(|j| weight(squared_distance(&source, &target, i, j))).collect())
+        .collect();
+    normalize(&mut w, normalization);
+    let mut moments = Moments::about(source.origin, target.origin);
+    for (p, row) in source.points.iter().zip(&w) {
+        for (q, &w) in target.points.iter().zip(row) {
+            let global = |x: &[f32; 3]| -> Vec3 { x.map(f64::from) };
+            moments.add_pair(w, global(p), global(q));
+        }
+    }
+    moments
+}
+
+fn squared_distance(source: &Described<'_>, target: &Described<'_>, i: usize, j: usize) -> f64 {
+    let (a, b) = (source.descriptors.row(i), target.descriptors.row(j));
+    a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
+}
+
+fn normalize(w: &mut [Vec<f64>], normalization: Normalization) {
+    let rows = |w: &[Vec<f64>]| -> Vec<f64> { w.iter().map(|row| row.iter().sum()).collect() };
+    let columns = |w: &[Vec<f64>]| -> Vec<f64> {
+        w.iter().fold(vec![0.0; w[0].len()], |sums, row| {
+            sums.iter().zip(row).map(|(sum, x)| sum + x).collect()
+        })
+    };
+    let scale = |w: &mut [Vec<f64>], f: &dyn Fn(usize, usize, f64) -> f64| {
+        for (i, row) in w.iter_mut().enumerate() {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x = if *x > 0.0 { f(i, j, *x) } else { 0.0 };
+            }
+        }
+    };
+    let (n, m) = (w.len() as f64, w[0].len() as f64);
+    match normalization {
+        Normalization::None => {}
+        Normalization::Source => {
+            let sums = rows(w);
+            scale(w, &|i, _, x| x / sums[i]);
+        }
+        Normalization::Target => {
+            let sums = columns(w);
+            scale(w, &|_, j, x| x / sums[j]);
+        }
+        Normalization::Both => {
+            let (row, column) = (rows(w), columns(w));
+            scale(w, &|i, j, x| x / row[i] * (x / column[j]));
+        }
+        Normalization::Sinkhorn(rounds) => {
+            for _ in 0..rounds {
+                let sums = rows(w);
+                scale(w, &|i, _, x| x / (sums[i] * n));
+                let sums = columns(w);
+                scale(w, &|_, j, x| x / (sums[j] * m));
+            }
+        }
+    }
+}
+
+/// The same sums about other origins, for comparing two ways of summing.
+pub fn about(moments: &Moments, source_origin: Vec3, target_origin: Vec3) -> Moments {
+    let dp = math::sub(moments.source_origin, source_origin);
+    let dq = math::sub(moments.target_origin, target_origin);
+    let w = moments.weight;
+    let mut moved = Moments { source_origin, target_origin, ..*moments };
+    moved.source_sum = math::add(moments.source_sum, math::scaled(dp, w));
+    moved.target_sum = math::add(moments.target_sum, math::scaled(dq, w));
+    moved.source_squares += 2.0 * math::dot(dp, moments.source_sum) + w * math::dot(dp, dp);
+    moved.target_squares += 2.0 * math::dot(dq, moments.target_sum) + w * math::dot(dq, dq);
+    for a in 0..3 {
+        for b in 0..3 {
+            moved.cross[a][b] +=
+                dp[a] * moments.target_sum[b] + moments.source_sum[a] * dq[b] + w * dp[a] * dq[b];
+        }
+    }
+    moved
+}

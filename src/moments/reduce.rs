@@ -1,0 +1,124 @@
+//! Reducers: what a pass keeps of the weights.
+
+use super::sums::Moments;
+use super::tile::Reducer;
+use crate::math::Vec3;
+
+/// Partial sums run in this many f32 lanes on every machine, so the vector width does
+/// not change the result.
+const LANES: usize = 16;
+/// Sums kept per source: Σw, Σw qx, Σw qy, Σw qz, Σw |q|², Σw².
+const SUMS: usize = 6;
+
+/// Target positions about their origin, one array a coordinate.
+pub(super) struct Targets {
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    pub(super) z: Vec<f32>,
+    pub(super) squares: Vec<f32>,
+}
+
+/// Sums over targets for each source of a block: the rows of W Q̃.
+pub(super) struct MomentSums<'a> {
+    pub(super) targets: &'a Targets,
+    pub(super) sums: Vec<[f64; SUMS]>,
+}
+
+impl MomentSums<'_> {
+    /// Closes the block: Σ_i p̃_i (W Q̃)_i with the positions of its sources.
+    pub(super) fn fold(&self, sources: &[[f32; 3]], mut moments: Moments) -> Moments {
+        for (&point, &[w, x, y, z, squares, w2]) in sources.iter().zip(&self.sums) {
+            let point: Vec3 = point.map(f64::from);
+            moments.weight += w;
+            moments.weight_squared += w2;
+            moments.target_squares += squares;
+            moments.source_squares += w * crate::math::dot(point, point);
+            for (b, sum) in [x, y, z].into_iter().enumerate() {
+                moments.target_sum[b] += sum;
+                moments.source_sum[b] += w * point[b];
+                for a in 0..3 {
+                    moments.cross[a][b] += point[a] * sum;
+                }
+            }
+        }
+        moments
+    }
+}
+
+impl Reducer for MomentSums<'_> {
+    #[inline(always)]
+    fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
+        let columns = first..first + weights.len();
+        let Targets { x, y, z, squares } = self.targets;
+        let (x, y, z, squares) =
+            (&x[columns.clone()], &y[columns.clone()], &z[columns.clone()], &squares[columns]);
+        // Six named accumulators and no variable index into them: they stay in registers.
+        let (mut s, mut sx, mut sy, mut sz, mut sq, mut sw) =
+            ([0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let whole = weights.len() / LANES * LANES;
+        for at in (0..whole).step_by(LANES) {
+            let (w, x, y) = (lane(weights, at), lane(x, at), lane(y, at));
+            let (z, q) = (lane(z, at), lane(squares, at));
+            for k in 0..LANES {
+                s[k] += w[k];
+                sx[k] = w[k].mul_add(x[k], sx[k]);
+                sy[k] = w[k].mul_add(y[k], sy[k]);
+                sz[k] = w[k].mul_add(z[k], sz[k]);
+                sq[k] = w[k].mul_add(q[k], sq[k]);
+                sw[k] = w[k].mul_add(w[k], sw[k]);
+            }
+        }
+        let mut sums = [s, sx, sy, sz, sq, sw].map(total);
+        for at in whole..weights.len() {
+            let w = f64::from(weights[at]);
+            let factors = [x[at], y[at], z[at], squares[at], weights[at]];
+            sums[0] += w;
+            for (sum, factor) in sums[1..].iter_mut().zip(factors) {
+                *sum += w * f64::from(factor);
+            }
+        }
+        for (sum, part) in self.sums[row].iter_mut().zip(sums) {
+            *sum += part;
+        }
+    }
+}
+
+/// Σ_j w_ij for each source of a block.
+pub(super) struct RowSums {
+    pub(super) sums: Vec<f64>,
+}
+
+impl Reducer for RowSums {
+    #[inline(always)]
+    fn row(&mut self, row: usize, _first: usize, weights: &[f32]) {
+        let mut lanes = [0.0f32; LANES];
+        let whole = weights.len() / LANES * LANES;
+        for at in (0..whole).step_by(LANES) {
+            let w: &[f32; LANES] = lane(weights, at);
+            for k in 0..LANES {
+                lanes[k] += w[k];
+            }
+        }
+        let rest: f64 = weights[whole..].iter().map(|&w| f64::from(w)).sum();
+        self.sums[row] += total(lanes) + rest;
+    }
+}
+
+#[inline(always)]
+fn lane(values: &[f32], at: usize) -> &[f32; LANES] {
+    values[at..at + LANES].try_into().expect("the slice has LANES values")
+}
+
+/// Sum of the lanes in f64, as a balanced tree.
+#[inline(always)]
+fn total(lanes: [f32; LANES]) -> f64 {
+    let mut sums = lanes.map(f64::from);
+    let mut width = LANES / 2;
+    while width > 0 {
+        for k in 0..width {
+            sums[k] += sums[k + width];
+        }
+        width /= 2;
+    }
+    sums[0]
+}

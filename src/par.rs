@@ -1,0 +1,85 @@
+//! Ordered parallel loops: the only place that spawns threads.
+//!
+//! Work is cut at fixed places, results come back by index and whoever reduces
+//! them does so in index order, so that the number of threads never changes a bit.
+//! The loops run on the pool they are called from: [`with_threads`] chooses it.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+
+/// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
+/// machine has cores (or as the pool has in which the caller already is).
+///
+/// # Errors
+/// [`Error::Config`] when the system does not give that many threads.
+///
+/// ```
+/// let sum = cfreg::par::with_threads(2, || cfreg::par::map(4, |i| i * i).iter().sum::<usize>())?;
+/// assert_eq!(sum, 14);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    if threads == 0 {
+        return Ok(work());
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| Error::config("threads", threads, error.to_string()))?;
+    Ok(pool.install(work))
+}
+
+/// `[f(0), f(1), …, f(n − 1)]`.
+pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    (0..n).into_par_iter().map(&f).collect()
+}
+
+/// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a
+/// scratch value made by `scratch`, which it may find used.
+///
+/// # Panics
+/// When `block` is 0.
+pub fn map_blocks<S, T: Send>(
+    n: usize,
+    block: usize,
+    scratch: impl Fn() -> S + Sync,
+    f: impl Fn(&mut S, Range<usize>) -> T + Sync,
+) -> Vec<T> {
+    (0..n.div_ceil(block))
+        .into_par_iter()
+        .map_init(&scratch, |scratch, b| f(scratch, b * block..((b + 1) * block).min(n)))
+        .collect()
+}
+
+/// Calls `f` with the index and the row of every `width` values of `data`.
+///
+/// # Panics
+/// When `width` is 0.
+pub fn for_each_row<S, T: Send>(
+    data: &mut [T],
+    width: usize,
+    scratch: impl Fn() -> S + Sync,
+    f: impl Fn(&mut S, usize, &mut [T]) + Sync,
+) {
+    data.par_chunks_mut(width)
+        .enumerate()
+        .for_each_init(&scratch, |scratch, (i, row)| f(scratch, i, row));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_cover_everything_in_order() {
+        for threads in [1, 2, 3, 7] {
+            let blocks =
+                with_threads(threads, || map_blocks(10, 4, || (), |_, range| range)).unwrap();
+            assert_eq!(blocks, [0..4, 4..8, 8..10]);
+        }
+        assert!(map_blocks(0, 4, || (), |_, range| range).is_empty());
+    }
+}

@@ -1,0 +1,302 @@
+//! Nearest neighbours in 3-D: the only place that names kiddo.
+//!
+//! Distances are Euclidean, squared where the name says so, between f32 positions that
+//! share an origin. Equal distances are ordered by index.
+
+use std::fmt;
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::par;
+
+/// Which points around a point belong to its neighbourhood. The point itself is one of
+/// them, as in PCL and Open3D.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Neighborhood {
+    /// The k nearest points; all of them when the cloud has fewer. Does not change with
+    /// the unit, which makes descriptors scale-invariant (the paper's choice, k = 150).
+    Nearest(usize),
+    /// All points within a radius, in the unit of the coordinates.
+    Radius(f64),
+    /// At most `max` points within `radius`.
+    Hybrid {
+        /// Radius in the unit of the coordinates.
+        radius: f64,
+        /// Most points that are taken, nearest first.
+        max: usize,
+    },
+}
+
+impl Neighborhood {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] unless counts are at least 3 and radii positive and finite.
+    pub fn validate(&self) -> Result<()> {
+        let (radius, count) = match *self {
+            Neighborhood::Nearest(k) => (None, Some(k)),
+            Neighborhood::Radius(radius) => (Some(radius), None),
+            Neighborhood::Hybrid { radius, max } => (Some(radius), Some(max)),
+        };
+        if let Some(k) = count.filter(|&k| k < 3) {
+            let rule = "must be at least 3: fewer points have no plane";
+            return Err(Error::config("neighbors", k, rule));
+        }
+        match radius.filter(|&radius| !(radius > 0.0 && radius <= 1e15)) {
+            Some(radius) => {
+                Err(Error::config("radius", radius, "must be above 0 and at most 1e15"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Neighborhood {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Neighborhood::Nearest(k) => write!(f, "{k} nearest"),
+            Neighborhood::Radius(radius) => write!(f, "within {radius}"),
+            Neighborhood::Hybrid { radius, max } => write!(f, "{max} nearest within {radius}"),
+        }
+    }
+}
+
+/// A point found: its index and its squared distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbor {
+    /// Index into the points that were searched.
+    pub index: u32,
+    /// Squared distance to the query.
+    pub squared_distance: f32,
+}
+
+/// A k-d tree over points.
+pub struct SearchTree {
+    tree: ImmutableKdTree<f32, 3>,
+    len: usize,
+}
+
+impl SearchTree {
+    /// Builds the tree.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPoints`] without points, [`Error::NonFinite`] for a NaN or infinite
+    /// coordinate, [`Error::Config`] for more points than 32-bit indices can count.
+    pub fn new(points: &[[f32; 3]]) -> Result<Self> {
+        if points.is_empty() {
+            let what = "the cloud to be searched".into();
+            return Err(Error::TooFewPoints { what, found: 0, needed: 1 });
+        }
+        // The tree takes NaN without a word and then answers wrongly.
+        if let Some(index) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+            return Err(Error::NonFinite { what: "points to be searched".into(), index });
+        }
+        let tree = ImmutableKdTree::new_from_slice(points)
+            .map_err(|error| Error::config("points", points.len(), error.to_string()))?;
+        Ok(SearchTree { tree, len: points.len() })
+    }
+
+    /// The nearest point.
+    pub fn nearest(&self, query: &[f32; 3]) -> Neighbor {
+        let found = self.tree.query(query).nearest_one::<SquaredEuclidean<f32>>().execute();
+        Neighbor { index: found.item, squared_distance: found.distance }
+    }
+
+    /// The k nearest points, nearest first; all points when there are fewer.
+    pub fn k_nearest(&self, query: &[f32; 3], k: usize) -> Vec<Neighbor> {
+        let Some(k) = NonZero::new(k.min(self.len)) else { return Vec::new() };
+        let found = self.tree.query(query).nearest_n::<SquaredEuclidean<f32>>(k).execute();
+        ordered(found.iter().map(|f| (f.item, f.distance)))
+    }
+
+    /// All points at most `radius` away, nearest first.
+    pub fn within(&self, query: &[f32; 3], radius: f64) -> Vec<Neighbor> {
+        let squared = (radius * radius) as f32;
+        let found = self.tree.query(query).within::<SquaredEuclidean<f32>>(squared).execute();
+        ordered(found.iter().map(|f| (f.item, f.distance)))
+    }
+
+    fn around(&self, query: &[f32; 3], neighborhood: Neighborhood) -> Vec<Neighbor> {
+        match neighborhood {
+            Neighborhood::Nearest(k) => self.k_nearest(query, k),
+            Neighborhood::Radius(radius) => self.within(query, radius),
+            Neighborhood::Hybrid { radius, max } => {
+                let squared = (radius * radius) as f32;
+                let mut found = self.k_nearest(query, max);
+                found.retain(|neighbor| neighbor.squared_distance <= squared);
+                found
+            }
+        }
+    }
+}
+
+fn ordered(found: impl Iterator<Item = (u32, f32)>) -> Vec<Neighbor> {
+    let mut neighbors: Vec<Neighbor> =
+        found.map(|(index, squared_distance)| Neighbor { index, squared_distance }).collect();
+    neighbors.sort_unstable_by(|a, b| {
+        a.squared_distance.total_cmp(&b.squared_distance).then(a.index.cmp(&b.index))
+    });
+    neighbors
+}
+
+/// The neighbourhood of every point of a cloud.
+pub struct Neighbors {
+    /// Where each point's neighbours start; one more entry than points.
+    starts: Vec<usize>,
+    all: Vec<Neighbor>,
+}
+
+impl Neighbors {
+    /// Finds them. Memory is 8 bytes a neighbour.
+    ///
+    /// # Errors
+    /// Those of [`Neighborhood::validate`] and [`SearchTree::new`].
+    pub fn find(points: &[[f32; 3]], neighborhood: Neighborhood) -> Result<Self> {
+        neighborhood.validate()?;
+        let tree = SearchTree::new(points)?;
+        let n = points.len();
+        if let Neighborhood::Nearest(k) = neighborhood {
+            // Every row is equally long: written in place, without a list a point.
+            let k = k.min(n);
+            let mut all = vec![Neighbor { index: 0, squared_distance: 0.0 }; n * k];
+            par::for_each_row(
+                &mut all,
+                k,
+                || (),
+                |_, i, row| {
+                    row.copy_from_slice(&tree.k_nearest(&points[i], k));
+                },
+            );
+            return Ok(Neighbors { starts: (0..=n).map(|i| i * k).collect(), all });
+        }
+        let rows = par::map(n, |i| tree.around(&points[i], neighborhood));
+        let ends = rows.iter().scan(0, |end, row| {
+            *end += row.len();
+            Some(*end)
+        });
+        Ok(Neighbors { starts: std::iter::once(0).chain(ends).collect(), all: rows.concat() })
+    }
+
+    /// Number of points that have a neighbourhood.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The neighbourhood of point `i`, nearest first, itself included.
+    ///
+    /// # Panics
+    /// When `i` is not below [`len`](Self::len).
+    pub fn of(&self, i: usize) -> &[Neighbor] {
+        &self.all[self.starts[i]..self.starts[i + 1]]
+    }
+}
+
+/// Median distance from a point to its nearest other point: the resolution of a cloud.
+/// 0 for fewer than two points.
+///
+/// # Errors
+/// Those of [`SearchTree::new`], but none for an empty cloud.
+pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
+    if points.len() < 2 {
+        return Ok(0.0);
+    }
+    let tree = SearchTree::new(points)?;
+    let mut distances = par::map(points.len(), |i| {
+        // Its own place comes first; exact duplicates have distance 0 and count as such.
+        tree.k_nearest(&points[i], 2)[1].squared_distance
+    });
+    let middle = distances.len() / 2;
+    let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
+    Ok(f64::from(*median).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn brute(points: &[[f32; 3]], query: &[f32; 3]) -> Vec<Neighbor> {
+        let distance = |p: &[f32; 3]| (0..3).map(|a| (p[a] - query[a]) * (p[a] - query[a])).sum();
+        ordered(points.iter().enumerate().map(|(i, p)| (i as u32, distance(p))))
+    }
+
+    proptest! {
+        // Coordinates on a coarse grid: many ties, duplicates and shared planes.
+        #[test]
+        fn agrees_with_brute_force(
+            points in proptest::collection::vec(proptest::array::uniform3(0..6i32), 1..300),
+            query in proptest::array::uniform3(-1.0..7.0f32),
+            k in 3..40usize,
+            radius in 0.1..5.0f64,
+        ) {
+            let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
+            let tree = SearchTree::new(&points).unwrap();
+            let want = brute(&points, &query);
+            let distances = |n: &[Neighbor]| n.iter().map(|n| n.squared_distance).collect::<Vec<_>>();
+            let found = tree.k_nearest(&query, k);
+            prop_assert_eq!(found.len(), k.min(points.len()));
+            for (a, b) in distances(&found).iter().zip(distances(&want)) {
+                prop_assert!((a - b).abs() <= 1e-5 * b.max(1.0));
+            }
+            prop_assert!((tree.nearest(&query).squared_distance - want[0].squared_distance).abs() < 1e-4);
+            let mut inside: Vec<u32> = tree.within(&query, radius).iter().map(|n| n.index).collect();
+            let mut expected: Vec<u32> = want
+                .iter()
+                .filter(|n| f64::from(n.squared_distance) <= radius * radius)
+                .map(|n| n.index)
+                .collect();
+            inside.sort_unstable();
+            expected.sort_unstable();
+            prop_assert_eq!(inside, expected);
+        }
+    }
+
+    #[test]
+    fn many_points_may_share_a_coordinate() {
+        // More than a leaf of the tree holds: some trees cannot split these.
+        let line: Vec<[f32; 3]> = (0..500).map(|i| [1.0, 2.0, i as f32]).collect();
+        let same = vec![[1.0, 2.0, 3.0]; 500];
+        for points in [line, same] {
+            let neighbors = Neighbors::find(&points, Neighborhood::Nearest(40)).unwrap();
+            assert!((0..500).all(|i| neighbors.of(i).len() == 40));
+            assert_eq!(neighbors.of(7)[0].squared_distance, 0.0);
+        }
+    }
+
+    #[test]
+    fn neighbourhoods_have_defined_sizes() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [9.0, 0.0, 0.0]];
+        let count = |neighborhood| {
+            let neighbors = Neighbors::find(&points, neighborhood).unwrap();
+            (0..4).map(|i| neighbors.of(i).len()).collect::<Vec<_>>()
+        };
+        assert_eq!(count(Neighborhood::Nearest(100)), [4, 4, 4, 4]);
+        assert_eq!(count(Neighborhood::Radius(2.5)), [2, 3, 2, 1]);
+        assert_eq!(count(Neighborhood::Hybrid { radius: 9.5, max: 3 }), [3, 3, 3, 3]);
+        assert_eq!(resolution(&points).unwrap(), 2.0);
+    }
+
+    #[test]
+    fn bad_settings_are_refused() {
+        for bad in [
+            Neighborhood::Nearest(2),
+            Neighborhood::Radius(0.0),
+            Neighborhood::Radius(f64::NAN),
+            Neighborhood::Hybrid { radius: -1.0, max: 10 },
+        ] {
+            assert!(matches!(Neighbors::find(&[[0.0; 3]], bad), Err(Error::Config { .. })));
+        }
+        assert!(matches!(SearchTree::new(&[]), Err(Error::TooFewPoints { .. })));
+        let nan = SearchTree::new(&[[0.0; 3], [f32::NAN, 0.0, 0.0]]);
+        assert!(matches!(nan, Err(Error::NonFinite { index: 1, .. })));
+    }
+}

@@ -1,0 +1,16 @@
+//! Weights of connections: kernels of the squared descriptor distance, and
+//! normalisations of the full connection.
+//!
+//! A [`WeightKernel`] is open: any `Fn(f32) -> f32 + Sync` is one. The closed
+//! catalogue [`WeightScheme`] is what configurations, `--weights` and Python name.
+
+mod kernel;
+mod normalization;
+mod scheme;
+
+pub use kernel::{
+    Cauchy, Gaussian, GemanMcClure, Laplacian, StudentT, TruncatedQuadratic, Tukey, Uniform,
+    WeightKernel,
+};
+pub use normalization::Normalization;
+pub use scheme::{KernelVisitor, WeightScheme, check_beta};
