@@ -4,10 +4,12 @@
 pub mod cloud;
 pub mod descriptor;
 pub mod error;
+pub mod filter;
 pub mod math;
 pub mod moments;
 pub mod normals;
 pub mod par;
+pub mod pose;
 pub mod search;
 pub mod weight;
 

@@ -198,6 +198,28 @@ impl PointCloud {
         }
     }
 
+    /// Other points, and normals, in the place of these: viewpoint, frame and
+    /// [`dropped`](Self::dropped) stay.
+    ///
+    /// # Errors
+    /// Those of [`with_normals`](Self::with_normals).
+    pub fn replaced(
+        &self,
+        points: &[[f64; 3]],
+        normals: Option<&[[f64; 3]]>,
+    ) -> Result<PointCloud> {
+        let new = match normals {
+            Some(normals) => Self::with_normals(points, normals)?,
+            None => Self::new(points)?,
+        };
+        Ok(PointCloud {
+            frame_origin: self.frame_origin,
+            viewpoint: self.viewpoint,
+            dropped: self.dropped + new.dropped,
+            ..new
+        })
+    }
+
     /// The cloud moved by `transform`: points, normals and viewpoint.
     ///
     /// # Errors
