@@ -51,10 +51,14 @@ def register(
 
     Normals and FPFH over the same `neighbors` points, Gaussian weights of the
     descriptors' distance (eq. for w_i, III-B), one closed-form solve (III-A).
+
+    Normals are rounded to f32, as clouds keep them. Without that, points with the
+    same neighbours would have normals that differ by noise, and noise would decide
+    which of two such points comes first in their pair (see `pair_features`).
     """
     described = []
     for cloud, viewpoint in ((source, source_viewpoint), (target, target_viewpoint)):
         oriented, _ = normals(cloud, neighbors, viewpoint)
-        described.append(fpfh(cloud, oriented, neighbors, "pcl"))
+        described.append(fpfh(cloud, oriented.astype("float32"), neighbors, "pcl"))
     weights = weigh(squared_distances(*described), "gaussian", beta)
     return solve(moments(weights, source, target), solver)
