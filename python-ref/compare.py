@@ -12,12 +12,10 @@ import argparse
 import importlib
 import sys
 
+import reference as ref
 import scans
 import stages
 from surfaces import as_f32
-
-BETA = 100.0
-"""The paper's bandwidth (IV-A)."""
 
 BOUNDS = {
     "normal angle, median, degrees": (1e-4, "f32 normals: a rounding is 3e-6 degrees"),
@@ -53,7 +51,7 @@ def main():
     print(f"{'quantity':57} {'value':>9} {'at most':>8}  who")
     exceeded = []
     for pair in pairs(options.points or sys.maxsize):
-        print(f"\n{pair.name}, k = {stages.K_DEFAULT}, beta = {BETA:g}")
+        print(f"\n{pair.name}, k = {ref.NEIGHBORS}, beta = {ref.BETA:g}")
         for quantity, value, who in worst_first_seen(measured(pair, cfreg)):
             bound, reason = BOUNDS.get(quantity, (None, None))
             limit = "" if bound is None else f"{bound:.0e}"
@@ -91,17 +89,17 @@ def pairs(most):
 
 def measured(pair, cfreg):
     """All (quantity, who, value) of a pair, in the order of the pipeline."""
-    source = stages.scene(pair.source, pair.source_viewpoint, stages.K_DEFAULT)
-    target = stages.scene(pair.target, pair.target_viewpoint, stages.K_DEFAULT)
+    source = stages.scene(pair.source, pair.source_viewpoint, ref.NEIGHBORS)
+    target = stages.scene(pair.target, pair.target_viewpoint, ref.NEIGHBORS)
     for s in (source, target):
         yield from stages.ties(s)
         yield from stages.normals(s, cfreg)
         yield from stages.descriptors(s, cfreg)
     if cfreg:
-        yield from stages.sums(source, target, pair.size(), cfreg, BETA)
+        yield from stages.sums(source, target, pair.size(), cfreg, ref.BETA)
         # Only rotated about the viewpoint, the default one of both sides.
         turned = as_f32(pair.target - pair.translation)
-        yield from stages.registration(pair.source, turned, pair.size(), cfreg, BETA)
+        yield from stages.registration(pair.source, turned, pair.size(), cfreg, ref.BETA)
 
 
 def worst_first_seen(rows):

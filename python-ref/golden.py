@@ -25,8 +25,6 @@ FOLDER = REPOSITORY / "tests" / "golden"
 
 POINTS = 120
 NEIGHBORS = 30
-BETA = 100.0
-"""The paper's bandwidth (IV-A)."""
 WIDE_BETA = 1000.0
 """A bandwidth under which clouds as small as these still have many connections."""
 NU = 5.0
@@ -85,7 +83,7 @@ def surface_pair(pair):
         "target": described(pair.target, pair.target_viewpoint),
         "registrations": [],
     }
-    for scale, beta in (("pcl", BETA), ("pcl", WIDE_BETA), ("open3d", 4.0 * WIDE_BETA)):
+    for scale, beta in (("pcl", ref.BETA), ("pcl", WIDE_BETA), ("open3d", 4.0 * WIDE_BETA)):
         descriptors = (as_f32(expected[side][f"fpfh_{scale}"]) for side in ("source", "target"))
         weights = ref.weigh(ref.squared_distances(*descriptors), "gaussian", beta)
         sums = ref.moments(weights, pair.source, pair.target)
@@ -179,7 +177,7 @@ def kernels_case():
     d2 = [0.0, 1e-6, 0.5, 1.0, 9.0, 50.0, 99.0, 101.0, 150.0, 400.0, 999.0, 2500.0, 1e4, 1e5]
     expected = [
         {"kernel": kernel, "beta": beta, "nu": NU, "weights": ref.weigh(d2, kernel, beta, NU)}
-        for kernel, beta in itertools.product(ref.KERNELS, (1.0 / 3.0, BETA, WIDE_BETA))
+        for kernel, beta in itertools.product(ref.KERNELS, (1.0 / 3.0, ref.BETA, WIDE_BETA))
     ]
     return {"squared_distances": d2}, expected
 
@@ -252,7 +250,7 @@ def is_clear(pair):
     d2 = ref.squared_distances(*descriptors_of(pair))
     if np.abs(d2 - WIDE_BETA).min() <= MARGINS["truncation"]:
         return False
-    return pose(ref.moments(ref.weigh(d2, "gaussian", BETA), pair.source, pair.target)) is not None
+    return pose(ref.moments(ref.weigh(d2, "gaussian", ref.BETA), pair.source, pair.target)) is not None
 
 
 # --- JSON --------------------------------------------------------------------------

@@ -168,15 +168,11 @@ def poses(theirs, ours, size, cfreg, label):
 
 def registration(a, b, size, cfreg, beta):
     """From clouds to pose at once, both seen from the origin."""
-    result = cfreg.register(a, b, neighbors=K_DEFAULT, beta=beta)
-    expected = ref.register(a, b, K_DEFAULT, beta).matrix()
+    result = cfreg.register(a, b, neighbors=ref.NEIGHBORS, beta=beta)
+    expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
     angle, shift, _ = pose_apart(np.asarray(result["transform"]), expected, size)
     yield "register, rotation, degrees", "cfreg - reference", angle
     yield "register, translation / size", "cfreg - reference", shift
-
-
-K_DEFAULT = 150
-"""Neighbours of the paper (IV-A)."""
 
 
 def moments_apart(a, b, size):

@@ -13,11 +13,14 @@ from .fpfh import fpfh
 from .moments import Moments, effective_connections, moments, weighted_residual
 from .neighbours import nearest, separation
 from .normals import normals
+from .paper import BETA, NEIGHBORS
 from .pose import SOLVERS, Pose, SingularError, solve
 from .weights import KERNELS, NORMALISATIONS, normalise, squared_distances, weigh
 
 __all__ = [
+    "BETA",
     "KERNELS",
+    "NEIGHBORS",
     "NORMALISATIONS",
     "SOLVERS",
     "Moments",
@@ -41,8 +44,8 @@ __all__ = [
 def register(
     source,
     target,
-    neighbors=150,
-    beta=100.0,
+    neighbors=NEIGHBORS,
+    beta=BETA,
     solver="arun",
     source_viewpoint=(0.0, 0.0, 0.0),
     target_viewpoint=(0.0, 0.0, 0.0),

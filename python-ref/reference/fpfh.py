@@ -13,6 +13,7 @@ A histogram has 33 bins: 11 for theta, 11 for alpha, 11 for phi, in that order.
 import numpy as np
 
 from .neighbours import nearest
+from .paper import NEIGHBORS
 
 BINS = 11
 """Bins of one feature."""
@@ -20,7 +21,7 @@ BINS = 11
 SCALES = ("pcl", "open3d")
 
 
-def fpfh(points, normals, k=150, scale="pcl"):
+def fpfh(points, normals, k=NEIGHBORS, scale="pcl"):
     """Descriptors (N, 33) of `points` with unit `normals`, both (N, 3).
 
     `k` nearest neighbours, the point itself counted, serve both passes.

@@ -7,9 +7,10 @@ Semantic 3D Object Maps, thesis 2009, section 4.3); PCL and Open3D do the same.
 import numpy as np
 
 from .neighbours import nearest
+from .paper import NEIGHBORS
 
 
-def normals(points, k=150, viewpoint=(0.0, 0.0, 0.0)):
+def normals(points, k=NEIGHBORS, viewpoint=(0.0, 0.0, 0.0)):
     """Unit normals (N, 3) and curvatures (N,).
 
     `k` counts the point itself. Curvature is the surface variation

@@ -9,6 +9,8 @@ a normalisation then balances rows (source points) and columns (target points).
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from .paper import BETA
+
 KERNELS = {
     # exp(-d²/beta): the paper, III-B.
     "gaussian": lambda d2, beta, nu: np.exp(-d2 / beta),
@@ -38,7 +40,7 @@ def squared_distances(source_descriptors, target_descriptors):
     return cdist(source_descriptors, target_descriptors, "sqeuclidean")
 
 
-def weigh(d2, kernel="gaussian", beta=100.0, nu=5.0):
+def weigh(d2, kernel="gaussian", beta=BETA, nu=5.0):
     """Weights of the same shape as the squared distances `d2`."""
     return KERNELS[kernel](np.asarray(d2, dtype=np.float64), beta, nu)
 
