@@ -3,6 +3,7 @@
 
 pub mod cloud;
 pub mod error;
+pub mod io;
 pub mod math;
 
 pub use cloud::{Descriptors, PointCloud, Transform};
