@@ -5,6 +5,7 @@ pub mod cloud;
 pub mod descriptor;
 pub mod error;
 pub mod filter;
+pub mod io;
 pub mod math;
 pub mod moments;
 pub mod normals;

@@ -102,8 +102,8 @@ pub fn estimate(
     };
     let reference = math::sub(reference, cloud.origin());
     let points = cloud.points();
-    let (vectors, curvature) = par::map(points.len(), |i| {
-        let (normal, curvature) = plane(points, neighbors, i);
+    let (vectors, curvature) = par::map(points.len(), Vec::new, |members, i| {
+        let (normal, curvature) = plane(points, neighbors, i, members);
         let towards = math::sub(reference, points[i].map(f64::from));
         let flip = if sign * math::dot(normal, towards) < 0.0 { -1.0 } else { 1.0 };
         (math::scaled(normal, flip).map(|x| x as f32), curvature as f32)
@@ -122,30 +122,36 @@ fn stored(cloud: &PointCloud) -> Result<Normals> {
     Ok(Normals { vectors: normals.to_vec(), curvature: Vec::new(), oriented_by })
 }
 
-/// Unoriented normal and curvature of the neighbourhood of point `i`.
+/// Unoriented normal and curvature of the neighbourhood of point `i`; `members` is scratch.
 ///
-/// Sums run about the point itself: they are as small as the neighbourhood, however far
-/// the cloud's origin is.
-fn plane(points: &[[f32; 3]], neighbors: &Neighbors, i: usize) -> (Vec3, f64) {
-    let neighborhood = neighbors.of(i);
-    if neighborhood.len() < 3 {
+/// Sums run in the order of the indices and about the mean: points that have the same
+/// neighbours then have the same normal to the last bit, which keeps the choice of a
+/// pair's frame in FPFH from hanging on rounding.
+fn plane(
+    points: &[[f32; 3]],
+    neighbors: &Neighbors,
+    i: usize,
+    members: &mut Vec<u32>,
+) -> (Vec3, f64) {
+    members.clear();
+    members.extend(neighbors.of(i).iter().map(|neighbor| neighbor.index));
+    members.sort_unstable();
+    if members.len() < 3 {
         return ([0.0; 3], 0.0);
     }
-    let center = points[i].map(f64::from);
-    let (mut sum, mut squares) = ([0.0; 3], [0.0; 6]);
-    for neighbor in neighborhood {
-        let [x, y, z] = math::sub(points[neighbor.index as usize].map(f64::from), center);
-        sum = math::add(sum, [x, y, z]);
+    let member = |&j: &u32| points[j as usize].map(f64::from);
+    let n = members.len() as f64;
+    let sum = members.iter().map(member).fold([0.0; 3], math::add);
+    let mean = math::scaled(sum, 1.0 / n);
+    let mut squares = [0.0; 6];
+    for point in members.iter().map(member) {
+        let [x, y, z] = math::sub(point, mean);
         for (total, product) in squares.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
             *total += product;
         }
     }
-    let n = neighborhood.len() as f64;
-    let mean = math::scaled(sum, 1.0 / n);
     let [xx, xy, xz, yy, yz, zz] = squares.map(|total| total / n);
-    let second = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let covariance = math::mat_sub(&second, &math::outer(mean, mean));
-    let (values, vectors) = math::eigen::symmetric(&covariance);
+    let (values, vectors) = math::eigen::symmetric(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
     if values[1] <= LINE * values[2] {
         return ([0.0; 3], 0.0);
     }

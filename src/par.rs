@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 /// [`Error::Config`] when the system does not give that many threads.
 ///
 /// ```
-/// let sum = cfreg::par::with_threads(2, || cfreg::par::map(4, |i| i * i).iter().sum::<usize>())?;
+/// let sum = cfreg::par::with_threads(2, || cfreg::par::map(4, || (), |_, i| i * i).iter().sum::<usize>())?;
 /// assert_eq!(sum, 14);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
@@ -32,9 +32,14 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     Ok(pool.install(work))
 }
 
-/// `[f(0), f(1), …, f(n − 1)]`.
-pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    (0..n).into_par_iter().map(&f).collect()
+/// `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, which it
+/// may find used.
+pub fn map<S, T: Send>(
+    n: usize,
+    scratch: impl Fn() -> S + Sync,
+    f: impl Fn(&mut S, usize) -> T + Sync,
+) -> Vec<T> {
+    (0..n).into_par_iter().map_init(&scratch, &f).collect()
 }
 
 /// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a

@@ -173,7 +173,7 @@ impl Neighbors {
             );
             return Ok(Neighbors { starts: (0..=n).map(|i| i * k).collect(), all });
         }
-        let rows = par::map(n, |i| tree.around(&points[i], neighborhood));
+        let rows = par::map(n, || (), |_, i| tree.around(&points[i], neighborhood));
         let ends = rows.iter().scan(0, |end, row| {
             *end += row.len();
             Some(*end)
@@ -210,10 +210,14 @@ pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
         return Ok(0.0);
     }
     let tree = SearchTree::new(points)?;
-    let mut distances = par::map(points.len(), |i| {
-        // Its own place comes first; exact duplicates have distance 0 and count as such.
-        tree.k_nearest(&points[i], 2)[1].squared_distance
-    });
+    let mut distances = par::map(
+        points.len(),
+        || (),
+        |_, i| {
+            // Its own place comes first; exact duplicates have distance 0 and count as such.
+            tree.k_nearest(&points[i], 2)[1].squared_distance
+        },
+    );
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
     Ok(f64::from(*median).sqrt())

@@ -30,7 +30,7 @@ pub enum HistogramScale {
     #[default]
     Pcl,
     /// Blocks sum to 200: the same, and the point's own histogram added, as in the FPFH
-    /// paper's formula. Pairs without a frame count in the middle bins.
+    /// paper's formula. What Open3D computes.
     Open3d,
 }
 
@@ -68,7 +68,7 @@ impl FromStr for HistogramScale {
 /// FPFH of every point: N×33, f32.
 ///
 /// A row is all zeros where nothing can be told: a point without other points in its
-/// neighbourhood, or none of whose pairs has a frame. Such a row is "undefined" and must
+/// neighbourhood. Such a row is "undefined" and must
 /// not be compared.
 ///
 /// # Errors
@@ -91,7 +91,7 @@ pub fn fpfh(
         BINS,
         || (),
         |_, i, row| {
-            simple_histograms(points, normals, neighbors, scale, i, row);
+            simple_histograms(points, normals, neighbors, i, row);
         },
     );
     let mut full = vec![0.0f32; points.len() * BINS];
@@ -111,7 +111,6 @@ fn simple_histograms(
     points: &[[f32; 3]],
     normals: &[[f32; 3]],
     neighbors: &Neighbors,
-    scale: HistogramScale,
     i: usize,
     row: &mut [f32],
 ) {
@@ -123,11 +122,8 @@ fn simple_histograms(
     for neighbor in others {
         let (q, m) = at(neighbor.index as usize);
         pairs += 1;
-        let features = match (pair::features(p, n, q, m), scale) {
-            (Some(features), _) => features,
-            (None, HistogramScale::Pcl) => continue,
-            (None, HistogramScale::Open3d) => [0.0; 3],
-        };
+        // PCL and Open3D alike count a pair without a frame as one with all angles zero.
+        let features = pair::features(p, n, q, m).unwrap_or([0.0; 3]);
         for (block, bin) in bins(features).into_iter().enumerate() {
             counts[block * BLOCK + bin] += 1;
         }

@@ -1,0 +1,144 @@
+//! Clouds and poses in files.
+//!
+//! [`read`] takes PLY, PCD and text, told apart by content; [`write()`] goes by the
+//! extension. Coordinates pass through f64, so map coordinates stay exact; points
+//! with a NaN or infinite coordinate are left out and counted by
+//! [`PointCloud::dropped`]. Columns other than the position and the normal
+//! (colours, intensities, faces) are skipped.
+//!
+//! A file is not believed: a count in a header is weighed against the bytes that
+//! are there before memory is taken for it, and whatever is wrong is an
+//! [`Error::Parse`] with its line or byte.
+
+mod format;
+mod pcd;
+mod ply;
+mod pose;
+mod table;
+mod text;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+
+pub use format::Format;
+pub use pose::{read_transform, write_transform};
+use table::{Columns, Fault};
+
+/// Reads a cloud, in the unit and frame of the file.
+///
+/// Text is one point a line, separated by spaces, tabs, commas or semicolons, with
+/// comments after `#` or `//`. A line of column names (x, y, z, nx or normal_x, ...)
+/// says where things are; without it the first three columns are the position and,
+/// in .xyzn, the next three the normal.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not what
+/// it claims to be, [`Error::Extent`] as for [`PointCloud::new`].
+///
+/// ```no_run
+/// let cloud = cfreg::io::read("bun000.ply")?;
+/// println!("{} points, {} left out", cloud.len(), cloud.dropped());
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
+    let path = path.as_ref();
+    let content = load(path)?;
+    let table = match Format::detect(path, &content) {
+        Some(Format::Ply) => ply::parse(&content),
+        Some(Format::Pcd) => pcd::parse(&content),
+        Some(Format::Text) if format::extension(path) == "xyzn" => {
+            text::parse(&content, Columns::XYZ_NORMAL)
+        }
+        Some(Format::Text) => text::parse(&content, Columns::XYZ),
+        None => Err(Fault::new("is neither PLY nor PCD nor text")),
+    };
+    table.map_err(|fault| fault.within(path))?.into_cloud()
+}
+
+/// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with
+/// spaces, `.csv` with commas. An existing file is replaced, once all is written.
+///
+/// Coordinates are written as float when the cloud's origin is zero and as double
+/// otherwise; either way [`read`] gets back every position. Normals are written when
+/// there are any. The viewpoint is kept by PCD only, and there zero stands for
+/// "not known". The count of dropped points is not kept.
+///
+/// # Errors
+/// [`Error::Config`] for another extension, [`Error::Io`] when the system refuses;
+/// a file that was there before is then still as it was.
+pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
+    let path = path.as_ref();
+    match format::extension(path).as_str() {
+        "ply" => replace(path, |out| ply::write(out, cloud)),
+        "pcd" => replace(path, |out| pcd::write(out, cloud)),
+        "xyz" | "txt" => replace(path, |out| text::write(out, cloud, "# ", " ")),
+        "csv" => replace(path, |out| text::write(out, cloud, "", ",")),
+        _ => Err(Error::config(
+            "path",
+            path.display(),
+            "the extension must be .ply, .pcd, .xyz, .txt or .csv",
+        )),
+    }
+}
+
+/// The bytes of a file that is there and not empty.
+///
+/// Only regular files: a device or a pipe has no end that a header could be
+/// weighed against.
+fn load(path: &Path) -> Result<Vec<u8>> {
+    let refuse = |source| Error::io(path, source);
+    let kind = fs::metadata(path).map_err(refuse)?;
+    if !kind.is_file() {
+        let what = if kind.is_dir() { "is a directory" } else { "is not a regular file" };
+        return Err(refuse(io::Error::new(ErrorKind::InvalidInput, what)));
+    }
+    let content = fs::read(path).map_err(refuse)?;
+    if content.is_empty() {
+        return Err(Fault::new("is empty").within(path));
+    }
+    Ok(content)
+}
+
+/// Writes a file beside `path`, then renames it to `path`: a full disk leaves the
+/// old file, or none, but never half of one.
+fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    // Through a link, so that the link stays one.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {
+        // Something like /dev/stdout, which cannot be replaced; or a directory.
+        File::create(&target).and_then(|file| fill_file(file, fill))
+    } else {
+        sibling(&target).and_then(|(file, beside)| {
+            let renamed = fill_file(file, fill).and_then(|()| fs::rename(&beside, &target));
+            renamed.inspect_err(|_| {
+                // The first error is the one to tell.
+                let _ = fs::remove_file(&beside);
+            })
+        })
+    };
+    written.map_err(|source| Error::io(path, source))
+}
+
+fn fill_file(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut out = BufWriter::new(file);
+    fill(&mut out)?;
+    out.flush()
+}
+
+/// A new file in the folder of `path`, under a name nobody else has.
+fn sibling(path: &Path) -> io::Result<(File, PathBuf)> {
+    let mut attempt = 0;
+    loop {
+        let beside = path.with_file_name(format!(".cfreg-{}-{attempt}", std::process::id()));
+        match OpenOptions::new().write(true).create_new(true).open(&beside) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {
+                attempt += 1
+            }
+            opened => return opened.map(|file| (file, beside)),
+        }
+    }
+}
