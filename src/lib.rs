@@ -4,13 +4,16 @@
 pub mod cloud;
 pub mod descriptor;
 pub mod error;
+pub mod experiment;
 pub mod filter;
 pub mod io;
 pub mod math;
+pub mod method;
 pub mod moments;
 pub mod normals;
 pub mod par;
 pub mod pose;
+pub mod quality;
 pub mod search;
 pub mod weight;
 

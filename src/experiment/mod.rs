@@ -1,0 +1,5 @@
+//! Protocols that measure the methods, and the shapes they can be measured on without
+//! any file.
+
+pub mod accuracy;
+pub mod shape;

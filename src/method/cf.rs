@@ -1,0 +1,106 @@
+//! CF: the paper's full connection form, solved once.
+
+use serde::{Deserialize, Serialize};
+
+use super::prepared::Describe;
+use super::registration::{PointCounts, Registration, Timings};
+use super::{Method, Register};
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::moments::FullConnection;
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solver};
+use crate::quality;
+use crate::weight::{self, Normalization, WeightScheme};
+
+/// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
+/// connect all pairs, weigh each by descriptor similarity, solve once in closed form.
+///
+/// Finds any rotation without an initial guess, for clouds that show the same surface. It
+/// has no means against partial overlap: below about three quarters the pose is pulled
+/// away, and the result says so.
+///
+/// ```
+/// use cfreg::{method::{Cf, Register}, weight::WeightScheme};
+/// # use cfreg::experiment::shape::boulder;
+/// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
+/// let cf = Cf { weights: WeightScheme::Cauchy, beta: Some(50.0), ..Cf::default() };
+/// let registration = cf.register(&source, &target)?;
+/// println!("{:?} {:?}", registration.transform.matrix(), registration.doubts);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Cf {
+    /// How points are described.
+    #[serde(flatten)]
+    pub describe: Describe,
+    /// Kernel of the squared descriptor distance; default the paper's Gaussian.
+    pub weights: WeightScheme,
+    /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12.
+    /// Default that of the histogram's scale ([`HistogramScale::default_beta`]: the
+    /// paper's 100). Smaller trusts fewer, more similar pairs; raise it when the weights
+    /// vanish or the effective connections fall below the number of points.
+    ///
+    /// [`HistogramScale::default_beta`]: crate::descriptor::HistogramScale::default_beta
+    pub beta: Option<f64>,
+    /// Normalisation of the full connection; default the paper's none. `both` helps under
+    /// partial overlap and repeated structure, at three times the cost.
+    pub normalization: Normalization,
+    /// Closed form; all give the same answer.
+    pub solver: Solver,
+    /// Whether the clouds may differ in scale; default no.
+    pub scale: ScaleEstimate,
+    /// Threads, 0 for all cores. Never changes the result.
+    pub threads: usize,
+}
+
+impl Cf {
+    /// The settings with every default that depends on another filled in.
+    pub fn resolved(&self) -> Cf {
+        let beta = self.beta.unwrap_or_else(|| self.describe.histogram.default_beta());
+        Cf { beta: Some(beta), ..self.clone() }
+    }
+
+    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        let config = self.resolved();
+        let beta = config.beta.unwrap_or_default();
+        weight::check_beta(beta)?;
+        let mut times = Timings::default();
+        let source_side = self.describe.prepare(source, "the source", &mut times)?;
+        let target_side = self.describe.prepare(target, "the target", &mut times)?;
+        let (connection, moments) = times.time("moments", || {
+            let connection = FullConnection::new(source_side.described(), target_side.described())?;
+            let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
+            Ok::<_, crate::Error>((connection, moments))
+        })?;
+        let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
+        let transform = solution.transform;
+        let evaluation = times.time("evaluate", || {
+            let distance = quality::default_distance(source, target, transform.scale)?;
+            quality::evaluate(source, target, &transform, distance)
+        })?;
+        let doubts = quality::doubts(&evaluation, solution.singular_values);
+        Ok(Registration {
+            transform,
+            method: "cf",
+            trusted: doubts.is_empty(),
+            doubts,
+            evaluation,
+            weighted_rms: (moments.residual(&transform) / moments.weight).sqrt(),
+            connections: connection.pairs(),
+            effective_connections: moments.effective_connections(),
+            singular_values: solution.singular_values,
+            moments,
+            points: PointCounts { source: source_side.counts(), target: target_side.counts() },
+            time_s: times,
+            config: Method::Cf(config),
+        })
+    }
+}
+
+impl Register for Cf {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        par::with_threads(self.threads, || self.run(source, target))?
+    }
+}

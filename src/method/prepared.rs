@@ -1,0 +1,126 @@
+//! A cloud with its descriptors: done once, used for any number of pairs.
+
+use serde::{Deserialize, Serialize};
+
+use super::registration::{Counts, Timings};
+use crate::cloud::{Descriptors, PointCloud};
+use crate::descriptor::{HistogramScale, fpfh};
+use crate::error::{Error, Result};
+use crate::moments::Described;
+use crate::normals::{self, Orientation};
+use crate::search::{Neighborhood, Neighbors};
+
+/// How a cloud is described: normals, then FPFH.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Describe {
+    /// Neighbourhood of descriptors. Default the paper's 150 nearest points (section
+    /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
+    /// under noise. A radius suits clouds of known unit and uneven density.
+    pub neighborhood: Neighborhood,
+    /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
+    /// smaller one keeps edges.
+    pub normal_neighborhood: Option<Neighborhood>,
+    /// Which way normals point. Default towards the viewpoint; [`Orientation::Outward`]
+    /// for whole objects that were seen from all sides.
+    pub orientation: Orientation,
+    /// Whose FPFH: PCL's (default, the paper's) or Open3D's.
+    pub histogram: HistogramScale,
+}
+
+impl Default for Describe {
+    fn default() -> Self {
+        Describe {
+            neighborhood: Neighborhood::Nearest(150),
+            normal_neighborhood: None,
+            orientation: Orientation::default(),
+            histogram: HistogramScale::default(),
+        }
+    }
+}
+
+/// The points of a cloud that have a descriptor, and their descriptors.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    points: Vec<[f32; 3]>,
+    origin: [f64; 3],
+    descriptors: Descriptors,
+    counts: Counts,
+}
+
+impl Describe {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Those of [`Neighborhood::validate`].
+    pub fn validate(&self) -> Result<()> {
+        self.neighborhood.validate()?;
+        self.normal_neighborhood.map_or(Ok(()), |normal| normal.validate())
+    }
+
+    /// Describes `cloud`; `name` is what errors call it. Stage times are added to `times`.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no
+    /// point has a defined normal (all on a line or in one place), and those of
+    /// [`normals::estimate`].
+    pub fn prepare(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<Prepared> {
+        self.validate()?;
+        let points = cloud.points();
+        if points.len() < 3 {
+            let found = points.len();
+            return Err(Error::TooFewPoints { what: name.into(), found, needed: 3 });
+        }
+        let find = |neighborhood| Neighbors::find(points, neighborhood);
+        let neighbors = times.time("neighbors", || find(self.neighborhood))?;
+        // One search serves both where both ask the same.
+        let own = match self.normal_neighborhood {
+            Some(normal)
+                if normal != self.neighborhood && self.orientation != Orientation::Stored =>
+            {
+                Some(times.time("neighbors", || find(normal))?)
+            }
+            _ => None,
+        };
+        let normals = times.time("normals", || {
+            normals::estimate(cloud, own.as_ref().unwrap_or(&neighbors), self.orientation)
+        })?;
+        if normals.undefined() == points.len() {
+            return Err(Error::Degenerate { rank: 1, singular_values: [0.0; 3] });
+        }
+        let descriptors = times
+            .time("descriptors", || fpfh(points, &normals.vectors, &neighbors, self.histogram))?;
+        let defined = |&i: &usize| {
+            normals.vectors[i] != [0.0; 3] && descriptors.row(i).iter().any(|&bin| bin != 0.0)
+        };
+        let described: Vec<usize> = (0..points.len()).filter(defined).collect();
+        let neighbors = match self.neighborhood {
+            Neighborhood::Nearest(k) => Some(k.min(points.len())),
+            Neighborhood::Radius(_) | Neighborhood::Hybrid { .. } => None,
+        };
+        Ok(Prepared {
+            points: described.iter().map(|&i| points[i]).collect(),
+            origin: cloud.origin(),
+            descriptors: descriptors.select(&described),
+            counts: Counts {
+                dropped: cloud.dropped(),
+                used: points.len(),
+                described: described.len(),
+                neighbors,
+                oriented_by: normals.oriented_by,
+            },
+        })
+    }
+}
+
+impl Prepared {
+    /// One side of a full connection.
+    pub fn described(&self) -> Described<'_> {
+        Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    }
+
+    /// What became of the cloud's points.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+}

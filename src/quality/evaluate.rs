@@ -1,0 +1,126 @@
+//! How well two clouds lie on each other under a pose.
+
+use serde::Serialize;
+
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::math;
+use crate::par;
+use crate::search::{self, SearchTree};
+
+/// Default inlier distance, in resolutions of the coarser cloud.
+pub const DISTANCE_IN_RESOLUTIONS: f64 = 3.0;
+
+/// Agreement of two clouds under a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Share of the *source* points that have a target point within
+    /// [`max_distance`](Self::max_distance) once moved, in [0, 1].
+    pub fitness: f64,
+    /// Share of the *target* points that have a moved source point within it, in [0, 1].
+    pub target_fitness: f64,
+    /// Root mean square distance of the source points counted in `fitness` to their
+    /// nearest target points, in the target's unit; `null` (NaN) when there is none.
+    pub inlier_rmse: f64,
+    /// Largest distance that counts, in the target's unit.
+    pub max_distance: f64,
+}
+
+/// [`DISTANCE_IN_RESOLUTIONS`] times the coarser cloud's resolution (median distance to
+/// the nearest neighbour), the source's in the target's unit: what two independent
+/// samples of one surface keep from each other.
+///
+/// # Errors
+/// Those of [`search::resolution`].
+pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
+    let source = search::resolution(source.points())? * scale;
+    Ok(DISTANCE_IN_RESOLUTIONS * source.max(search::resolution(target.points())?))
+}
+
+/// Compares `source` moved by `transform` with `target`.
+///
+/// # Errors
+/// [`Error::TooFewPoints`] for an empty cloud, [`Error::Config`] unless `max_distance` is
+/// finite and not negative, [`Error::Extent`] when the transform blows the source up.
+pub fn evaluate(
+    source: &PointCloud,
+    target: &PointCloud,
+    transform: &Transform,
+    max_distance: f64,
+) -> Result<Evaluation> {
+    if !(max_distance >= 0.0 && max_distance.is_finite()) {
+        let rule = "must be a finite distance, 0 or more";
+        return Err(Error::config("max-distance", max_distance, rule));
+    }
+    for (cloud, name) in [(source, "the source"), (target, "the target")] {
+        if cloud.is_empty() {
+            return Err(Error::TooFewPoints { what: name.into(), found: 0, needed: 1 });
+        }
+    }
+    // Both about the target's origin, so that f32 distances are as fine as its points.
+    let moved = |p| math::sub(transform.apply(p), target.origin()).map(|x| x as f32);
+    let moved: Vec<[f32; 3]> = source.positions().map(moved).collect();
+    if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
+        return Err(Error::Extent { extent: f64::INFINITY });
+    }
+    let there = squared_distances(&moved, target.points())?;
+    let back = squared_distances(target.points(), &moved)?;
+    let limit = (max_distance * max_distance) as f32;
+    let inliers = |distances: &[f32]| distances.iter().filter(|&&d| d <= limit).count();
+    let count = inliers(&there);
+    let sum: f64 = there.iter().filter(|&&d| d <= limit).map(|&d| f64::from(d)).sum();
+    Ok(Evaluation {
+        fitness: count as f64 / source.len() as f64,
+        target_fitness: inliers(&back) as f64 / target.len() as f64,
+        inlier_rmse: (sum / count as f64).sqrt(),
+        max_distance,
+    })
+}
+
+/// Squared distance from each of `queries` to the nearest of `points`.
+fn squared_distances(queries: &[[f32; 3]], points: &[[f32; 3]]) -> Result<Vec<f32>> {
+    let tree = SearchTree::new(points)?;
+    Ok(par::map(queries.len(), || (), |_, i| tree.nearest(&queries[i]).squared_distance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(n: usize, shift: f64) -> PointCloud {
+        let points: Vec<_> = (0..n).map(|i| [i as f64 + shift, 1.0, 0.0]).collect();
+        PointCloud::new(&points).unwrap()
+    }
+
+    #[test]
+    fn fitness_names_its_denominator() {
+        let (short, long) = (line(10, 0.0), line(40, 0.0));
+        let found = evaluate(&short, &long, &Transform::IDENTITY, 0.1).unwrap();
+        assert_eq!((found.fitness, found.target_fitness), (1.0, 0.25));
+        assert_eq!(found.inlier_rmse, 0.0);
+        let shifted = Transform::rigid(math::IDENTITY, [35.25, 0.0, 0.0]);
+        let found = evaluate(&short, &long, &shifted, 0.5).unwrap();
+        assert_eq!((found.fitness, found.inlier_rmse), (0.5, 0.25));
+        assert_eq!(default_distance(&short, &long, 1.0).unwrap(), 3.0);
+    }
+
+    #[test]
+    fn nothing_near_is_no_fitness_and_no_rmse() {
+        let far = Transform::rigid(math::IDENTITY, [1e6, 0.0, 0.0]);
+        let found = evaluate(&line(5, 0.0), &line(5, 0.0), &far, 1.0).unwrap();
+        assert!(found.fitness == 0.0 && found.inlier_rmse.is_nan());
+    }
+
+    #[test]
+    fn odd_input_is_refused() {
+        let (empty, some) = (PointCloud::default(), line(3, 0.0));
+        let identity = Transform::IDENTITY;
+        assert!(matches!(evaluate(&empty, &some, &identity, 1.0), Err(Error::TooFewPoints { .. })));
+        for distance in [-1.0, f64::NAN, f64::INFINITY] {
+            let found = evaluate(&some, &some, &identity, distance);
+            assert!(matches!(found, Err(Error::Config { .. })));
+        }
+        let huge = Transform { scale: 1e300, ..identity };
+        assert!(matches!(evaluate(&some, &some, &huge, 1.0), Err(Error::Extent { .. })));
+    }
+}

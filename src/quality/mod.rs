@@ -1,0 +1,10 @@
+//! Is a pose right? Measures on the clouds themselves, errors against a known truth, and
+//! grounds for doubt.
+
+mod doubt;
+mod evaluate;
+mod truth;
+
+pub use doubt::{Doubt, MIN_FITNESS, MIN_SINGULAR_VALUE, doubts};
+pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
+pub use truth::{TruthError, truth_error};
