@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math;
+use crate::math::{self, Vec3};
 use crate::par;
 use crate::search::{self, SearchTree};
 
@@ -24,6 +24,18 @@ pub struct Evaluation {
     pub inlier_rmse: f64,
     /// Largest distance that counts, in the target's unit.
     pub max_distance: f64,
+    /// The fitness that a wrong rotation gets by chance: mean over the source turned by
+    /// quarter turns about its own centre. High for dense, compact or symmetric clouds.
+    pub chance: f64,
+}
+
+impl Evaluation {
+    /// Fitness beyond chance, (fitness − chance)/(1 − chance), at most 1: comparable
+    /// between clouds of different density and shape, where fitness alone is not. 0 when
+    /// chance is 1.
+    pub fn agreement(&self) -> f64 {
+        if self.chance < 1.0 { (self.fitness - self.chance) / (1.0 - self.chance) } else { 0.0 }
+    }
 }
 
 /// [`DISTANCE_IN_RESOLUTIONS`] times the coarser cloud's resolution (median distance to
@@ -63,8 +75,9 @@ pub fn evaluate(
     if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
         return Err(Error::Extent { extent: f64::INFINITY });
     }
-    let there = squared_distances(&moved, target.points())?;
-    let back = squared_distances(target.points(), &moved)?;
+    let tree = SearchTree::new(target.points())?;
+    let there = squared_distances(&moved, &tree);
+    let back = squared_distances(target.points(), &SearchTree::new(&moved)?);
     let limit = (max_distance * max_distance) as f32;
     let inliers = |distances: &[f32]| distances.iter().filter(|&&d| d <= limit).count();
     let count = inliers(&there);
@@ -74,13 +87,37 @@ pub fn evaluate(
         target_fitness: inliers(&back) as f64 / target.len() as f64,
         inlier_rmse: (sum / count as f64).sqrt(),
         max_distance,
+        chance: chance(&moved, &tree, limit),
     })
 }
 
-/// Squared distance from each of `queries` to the nearest of `points`.
-fn squared_distances(queries: &[[f32; 3]], points: &[[f32; 3]]) -> Result<Vec<f32>> {
-    let tree = SearchTree::new(points)?;
-    Ok(par::map(queries.len(), || (), |_, i| tree.nearest(&queries[i]).squared_distance))
+/// Squared distance from each of `queries` to the nearest point of `tree`.
+fn squared_distances(queries: &[[f32; 3]], tree: &SearchTree) -> Vec<f32> {
+    par::map(queries.len(), || (), |_, i| tree.nearest(&queries[i]).squared_distance)
+}
+
+/// Most points that the chance level is measured on: a share is known to 0.01 from these.
+const CHANCE_POINTS: usize = 1000;
+
+/// Mean fitness of `moved` after quarter turns about its centroid.
+fn chance(moved: &[[f32; 3]], tree: &SearchTree, limit: f32) -> f64 {
+    let step = moved.len().div_ceil(CHANCE_POINTS);
+    let points: Vec<Vec3> = moved.iter().step_by(step).map(|p| p.map(f64::from)).collect();
+    let n = points.len() as f64;
+    let center = math::scaled(points.iter().fold([0.0; 3], |sum, &p| math::add(sum, p)), 1.0 / n);
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let mut inliers = 0;
+    for (axis, turns) in (0..3).flat_map(|axis| [1.0, 2.0, 3.0].map(|turns| (axis, turns))) {
+        let mut vector = [0.0; 3];
+        vector[axis] = quarter * turns;
+        let turn = Transform::from_rotation_vector(vector);
+        let turned: Vec<[f32; 3]> = points
+            .iter()
+            .map(|&p| math::add(turn.rotate(math::sub(p, center)), center).map(|x| x as f32))
+            .collect();
+        inliers += squared_distances(&turned, tree).iter().filter(|&&d| d <= limit).count();
+    }
+    inliers as f64 / (9.0 * n)
 }
 
 #[cfg(test)]
