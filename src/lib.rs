@@ -1,6 +1,8 @@
 //! Rigid point-cloud registration without correspondences and without an initial guess.
 #![warn(missing_docs)]
 
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod cloud;
 pub mod descriptor;
 pub mod error;

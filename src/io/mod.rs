@@ -77,12 +77,26 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
         "pcd" => replace(path, |out| pcd::write(out, cloud)),
         "xyz" | "txt" => replace(path, |out| text::write(out, cloud, "# ", " ")),
         "csv" => replace(path, |out| text::write(out, cloud, "", ",")),
-        _ => Err(Error::config(
-            "path",
-            path.display(),
-            "the extension must be .ply, .pcd, .xyz, .txt or .csv",
-        )),
+        _ => Err(unknown_extension(path)),
     }
+}
+
+/// Checks that [`write()`] knows the extension of `path`, before work is done whose result
+/// could then not be written.
+///
+/// # Errors
+/// [`Error::Config`] as [`write()`].
+pub fn writable(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    match format::extension(path).as_str() {
+        "ply" | "pcd" | "xyz" | "txt" | "csv" => Ok(()),
+        _ => Err(unknown_extension(path)),
+    }
+}
+
+fn unknown_extension(path: &Path) -> Error {
+    let rule = "the extension must be .ply, .pcd, .xyz, .txt or .csv";
+    Error::config("path", path.display(), rule)
 }
 
 /// The bytes of a file that is there and not empty.

@@ -43,12 +43,11 @@ pub enum Doubt {
 pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3]) -> Vec<Doubt> {
     let mut doubts = Vec::new();
     let found = evaluation.agreement();
-    // Written so that NaN is doubted.
-    if !(found >= MIN_AGREEMENT) {
+    if found.is_nan() || found < MIN_AGREEMENT {
         doubts.push(Doubt::LowAgreement { found, needed: MIN_AGREEMENT });
     }
     let found = singular_values[1];
-    if !(found >= MIN_SINGULAR_VALUE) {
+    if found.is_nan() || found < MIN_SINGULAR_VALUE {
         doubts.push(Doubt::WeakRotation { found, needed: MIN_SINGULAR_VALUE });
     }
     doubts

@@ -1,0 +1,113 @@
+//! `cfreg info` and `cfreg convert`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::Thinning;
+use super::{Outcome, print, print_json};
+use crate::error::Result;
+use crate::{io, search};
+
+#[derive(Args)]
+pub(super) struct Info {
+    /// Clouds to look at
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Print a JSON array instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is in a file.
+#[derive(Serialize)]
+struct Facts {
+    file: String,
+    points: usize,
+    dropped: usize,
+    normals: bool,
+    viewpoint: Option<[f64; 3]>,
+    low: Option<[f64; 3]>,
+    high: Option<[f64; 3]>,
+    diagonal: f64,
+    resolution: f64,
+}
+
+impl Info {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let mut all = Vec::new();
+        for path in &self.files {
+            let cloud = io::read(path)?;
+            let bounds = cloud.bounds();
+            let facts = Facts {
+                file: path.display().to_string(),
+                points: cloud.len(),
+                dropped: cloud.dropped(),
+                normals: cloud.normals().is_some(),
+                viewpoint: cloud.viewpoint(),
+                low: bounds.map(|(low, _)| low),
+                high: bounds.map(|(_, high)| high),
+                diagonal: cloud.diagonal(),
+                resolution: search::resolution(cloud.points())?,
+            };
+            if !self.json {
+                print(&facts.text())?;
+            }
+            all.push(facts);
+        }
+        if self.json {
+            print_json(&all)?;
+        }
+        Ok(Outcome::Trusted)
+    }
+}
+
+impl Facts {
+    fn text(&self) -> String {
+        let mut lines = vec![
+            self.file.clone(),
+            format!("  points      {} ({} left out: NaN or infinite)", self.points, self.dropped),
+            format!("  normals     {}", if self.normals { "yes" } else { "no" }),
+        ];
+        if let Some(at) = self.viewpoint {
+            lines.push(format!("  viewpoint   {at:?}"));
+        }
+        if let (Some(low), Some(high)) = (self.low, self.high) {
+            lines.push(format!("  from        {low:?}"));
+            lines.push(format!("  to          {high:?}"));
+        }
+        lines.push(format!("  diagonal    {:.6}", self.diagonal));
+        lines.push(format!(
+            "  resolution  {:.6} (median distance to the next point)",
+            self.resolution
+        ));
+        lines.join("\n") + "\n"
+    }
+}
+
+#[derive(Args)]
+pub(super) struct Convert {
+    /// Cloud to read (PLY, PCD, XYZ, TXT, CSV)
+    input: PathBuf,
+    /// File to write; its extension says the format: .ply .pcd .xyz .txt .csv
+    output: PathBuf,
+    #[command(flatten)]
+    thinning: Thinning,
+    /// Move the cloud by the 4×4 matrix in this file
+    #[arg(long, value_name = "T.txt")]
+    transform: Option<PathBuf>,
+}
+
+impl Convert {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        io::writable(&self.output)?;
+        let mut cloud = self.thinning.read(&self.input, 0)?;
+        if let Some(path) = &self.transform {
+            cloud = cloud.transformed(&io::read_transform(path)?)?;
+        }
+        io::write(&self.output, &cloud)?;
+        eprintln!("cfreg: wrote {} points to {}", cloud.len(), self.output.display());
+        Ok(Outcome::Trusted)
+    }
+}

@@ -1,0 +1,90 @@
+//! `cfreg evaluate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::Thinning;
+use super::{Outcome, print, print_json};
+use crate::error::Result;
+use crate::io;
+use crate::quality::{self, Evaluation, TruthError};
+
+#[derive(Args)]
+pub(super) struct Evaluate {
+    /// Cloud that is moved
+    source: PathBuf,
+    /// Cloud that stays
+    target: PathBuf,
+    /// Pose to judge: 4 lines of 4 numbers, or the JSON of `cfreg register --json`
+    #[arg(long, value_name = "T.txt")]
+    transform: PathBuf,
+    /// True pose, if known
+    #[arg(long, value_name = "GT.txt")]
+    truth: Option<PathBuf>,
+    /// Largest distance that counts as an inlier [default: 3 times the coarser cloud's
+    /// resolution]
+    #[arg(long, value_name = "D")]
+    max_distance: Option<f64>,
+    #[command(flatten)]
+    thinning: Thinning,
+    /// Print one JSON object instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Judgement {
+    #[serde(flatten)]
+    evaluation: Evaluation,
+    agreement: f64,
+    truth: Option<TruthError>,
+}
+
+impl Evaluate {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let transform = io::read_transform(&self.transform)?;
+        let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
+        let source = self.thinning.read(&self.source, 0)?;
+        let target = self.thinning.read(&self.target, 1)?;
+        let distance = match self.max_distance {
+            Some(distance) => distance,
+            None => quality::default_distance(&source, &target, transform.scale)?,
+        };
+        let evaluation = quality::evaluate(&source, &target, &transform, distance)?;
+        let truth = truth.map(|truth| quality::truth_error(&transform, &truth, source.centroid()));
+        let judgement = Judgement { evaluation, agreement: evaluation.agreement(), truth };
+        if self.json {
+            print_json(&judgement)?;
+        } else {
+            print(&judgement.text())?;
+        }
+        Ok(Outcome::Trusted)
+    }
+}
+
+impl Judgement {
+    fn text(&self) -> String {
+        let e = &self.evaluation;
+        let mut lines = vec![
+            format!(
+                "fitness               {:.6} of the source points within {:.6}",
+                e.fitness, e.max_distance
+            ),
+            format!("target fitness        {:.6} of the target points", e.target_fitness),
+            format!("inlier RMSE           {:.6}", e.inlier_rmse),
+            format!("chance                {:.6} (fitness of wrong rotations)", e.chance),
+            format!("agreement             {:.6} (fitness beyond chance)", self.agreement),
+        ];
+        if let Some(truth) = &self.truth {
+            lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));
+            lines.push(format!("||I - R Rgt^T||_F     {:.6}", truth.rotation_frobenius));
+            lines.push(format!(
+                "translation error     {:.6} at the source's centroid",
+                truth.translation
+            ));
+        }
+        lines.join("\n") + "\n"
+    }
+}

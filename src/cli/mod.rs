@@ -1,0 +1,125 @@
+//! The command line: translates words into calls, decides nothing.
+//!
+//! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
+//! to be trusted, 2 no answer.
+
+mod clouds;
+mod evaluate;
+mod options;
+mod register;
+mod trials;
+
+use std::io::{self, IsTerminal, Write};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::error::{Error, Result};
+
+/// Rigid point-cloud registration without correspondences and without an initial guess.
+///
+/// Exit status: 0 an answer, 1 an answer that is not to be trusted (it is written all
+/// the same), 2 no answer.
+#[derive(Parser)]
+#[command(name = "cfreg", version, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Find the pose that maps one cloud into the frame of another
+    Register(register::Register),
+    /// Say what is in files
+    Info(clouds::Info),
+    /// Write a cloud in another format, thinned or moved on the way
+    Convert(clouds::Convert),
+    /// Measure how well two clouds lie on each other under a given pose
+    Evaluate(evaluate::Evaluate),
+    /// Register two samples of a built-in shape whose true pose is known
+    Demo(trials::Demo),
+    /// The paper's accuracy test on a cloud of your own (Table II)
+    Accuracy(trials::Accuracy),
+}
+
+/// What a command found: the exit code of an answer.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Trusted,
+    Doubted,
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Register(command) => command.run(),
+        Command::Info(command) => command.run(),
+        Command::Convert(command) => command.run(),
+        Command::Evaluate(command) => command.run(),
+        Command::Demo(command) => command.run(),
+        Command::Accuracy(command) => command.run(),
+    };
+    match outcome {
+        Ok(Outcome::Trusted) => ExitCode::SUCCESS,
+        Ok(Outcome::Doubted) => ExitCode::from(1),
+        // The reader of a pipe has seen enough: no reason to complain.
+        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("cfreg: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Writes `text` to stdout.
+fn print(text: &str) -> Result<()> {
+    io::stdout().write_all(text.as_bytes()).map_err(|error| Error::io("standard output", error))
+}
+
+/// Writes `value` to stdout as indented JSON.
+fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|error| {
+        Error::io("standard output", io::Error::new(io::ErrorKind::InvalidData, error))
+    })?;
+    print(&(text + "\n"))
+}
+
+/// A 4×4 matrix as four lines.
+fn matrix_text(matrix: &[[f64; 4]; 4]) -> String {
+    let line = |row: &[f64; 4]| row.map(|x| format!("{x:>13.6}")).join(" ") + "\n";
+    matrix.iter().map(line).collect()
+}
+
+/// A progress bar on stderr over `length` steps (0: a spinner); silent when stderr is no
+/// terminal, and not seen before a second has passed.
+fn progress(length: u64, what: &'static str) -> ProgressBar {
+    let target = if io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let bar = if length == 0 {
+        ProgressBar::with_draw_target(None, target)
+    } else {
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}");
+        ProgressBar::with_draw_target(Some(length), target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    };
+    let bar = bar.with_message(what);
+    // A spinner that turns by itself must not flash up for short work.
+    if length == 0 {
+        let late = bar.downgrade();
+        std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_secs(1));
+            if let Some(bar) = late.upgrade() {
+                bar.enable_steady_tick(Duration::from_millis(100));
+            }
+        });
+    }
+    bar
+}

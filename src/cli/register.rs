@@ -1,0 +1,114 @@
+//! `cfreg register`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::{MethodOptions, Thinning};
+use super::{Outcome, matrix_text, print, print_json, progress};
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::method::{Register as _, Registration};
+use crate::{io, par};
+
+#[derive(Args)]
+pub(super) struct Register {
+    /// Cloud that is moved (PLY, PCD, XYZ, TXT, CSV)
+    source: PathBuf,
+    /// Cloud that stays
+    target: PathBuf,
+    #[command(flatten)]
+    method: MethodOptions,
+    #[command(flatten)]
+    thinning: Thinning,
+    /// Print one JSON object instead of the matrix
+    #[arg(long)]
+    json: bool,
+    /// Also write the 4×4 matrix to this file
+    #[arg(long, value_name = "T.txt")]
+    output: Option<PathBuf>,
+    /// Also write the whole source, moved into the target's frame
+    #[arg(long, value_name = "OUT.ply")]
+    write_aligned: Option<PathBuf>,
+}
+
+/// What `--json` prints: the registration, and what the command did around it.
+#[derive(Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    registration: &'a Registration,
+    source: String,
+    target: String,
+    thinning: &'a Thinning,
+}
+
+impl Register {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let method = self.method.method()?;
+        // Refused before minutes of work, not after.
+        if let Some(path) = &self.write_aligned {
+            io::writable(path)?;
+        }
+        let threads = self.method.threads.unwrap_or(0);
+        let bar = progress(0, "registering");
+        let mut registration = par::with_threads(threads, || {
+            let start = std::time::Instant::now();
+            let source = self.thinning.read(&self.source, 0)?;
+            let target = self.thinning.read(&self.target, 1)?;
+            let seconds = start.elapsed().as_secs_f64();
+            let mut registration = method.register(&source, &target)?;
+            registration.time_s.0.insert(0, ("read", seconds));
+            Ok::<_, Error>(registration)
+        })??;
+        bar.finish_and_clear();
+        if let Some(path) = &self.output {
+            io::write_transform(path, &registration.transform)?;
+        }
+        if let Some(path) = &self.write_aligned {
+            let start = std::time::Instant::now();
+            let source: PointCloud = io::read(&self.source)?;
+            io::write(path, &source.transformed(&registration.transform)?)?;
+            registration.time_s.add("write", start.elapsed().as_secs_f64());
+        }
+        for doubt in &registration.doubts {
+            eprintln!("cfreg: not to be trusted: {doubt}");
+        }
+        if self.json {
+            print_json(&Answer {
+                registration: &registration,
+                source: self.source.display().to_string(),
+                target: self.target.display().to_string(),
+                thinning: &self.thinning,
+            })?;
+        } else {
+            eprint!("{}", summary(&registration));
+            print(&matrix_text(&registration.transform.matrix()))?;
+        }
+        Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
+    }
+}
+
+/// A few lines for the person who looks.
+pub(super) fn summary(registration: &Registration) -> String {
+    let r = registration;
+    let points = r.points;
+    format!(
+        "{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
+         fitness {:.3} of the source, {:.3} of the target within {:.4}; {:.2} beyond chance\n\
+         relative singular values {:.4} {:.4} {:.4}; {:.2} s\n",
+        r.method,
+        points.source.described,
+        points.target.described,
+        r.connections as f64,
+        r.effective_connections,
+        r.evaluation.fitness,
+        r.evaluation.target_fitness,
+        r.evaluation.max_distance,
+        r.evaluation.agreement(),
+        r.singular_values[0],
+        r.singular_values[1],
+        r.singular_values[2],
+        r.time_s.total(),
+    )
+}

@@ -1,0 +1,148 @@
+//! `cfreg demo` and `cfreg accuracy`: pairs with a known truth.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::options::MethodOptions;
+use super::register::summary;
+use super::{Outcome, matrix_text, print, print_json, progress};
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+use crate::experiment::accuracy::{Motion, Protocol, Report, run};
+use crate::experiment::shape::boulder;
+use crate::io;
+use crate::method::{Register, Registration};
+use crate::quality::{TruthError, truth_error};
+
+#[derive(Args)]
+pub(super) struct Demo {
+    #[command(flatten)]
+    method: MethodOptions,
+    /// Points of each of the two independent samples
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    points: usize,
+    /// Seed of shape samples and motion
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Also write source.ply, target.ply and truth.txt to this folder
+    #[arg(long, value_name = "DIR")]
+    write: Option<PathBuf>,
+    /// Print one JSON object instead of the matrix
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Known<'a> {
+    #[serde(flatten)]
+    registration: &'a Registration,
+    truth: Transform,
+    error: TruthError,
+}
+
+impl Demo {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let method = self.method.method()?;
+        let mesh = boulder();
+        let (first, second) =
+            (self.seed.wrapping_mul(2), self.seed.wrapping_mul(2).wrapping_add(1));
+        let source = mesh.sample(self.points, first)?;
+        let target = mesh.sample(self.points, second)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let mut truth = Motion::Large.draw(&source, &mut rng);
+        truth.translation = [2.0, -1.0, 0.5];
+        // Both were "seen" from where the shape has its zero.
+        let source = source.with_viewpoint([0.0; 3])?;
+        let target = target.with_viewpoint([0.0; 3])?.transformed(&truth)?;
+        if let Some(folder) = &self.write {
+            std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+            io::write(folder.join("source.ply"), &source)?;
+            io::write(folder.join("target.ply"), &target)?;
+            io::write_transform(folder.join("truth.txt"), &truth)?;
+        }
+        let registration = method.register(&source, &target)?;
+        let error = truth_error(&registration.transform, &truth, source.centroid());
+        if self.json {
+            print_json(&Known { registration: &registration, truth, error })?;
+        } else {
+            eprintln!(
+                "two independent samples of one shape, {} points each, one of them moved",
+                self.points
+            );
+            eprint!("{}", summary(&registration));
+            print(&matrix_text(&registration.transform.matrix()))?;
+            let turned = Transform::rigid(truth.rotation, [0.0; 3]).angle().to_degrees();
+            eprintln!(
+                "truth: turned by {turned:.1} deg; the pose is off by {:.3} deg and {:.4} ({:.2} % of the shape)",
+                error.rotation_deg,
+                error.translation,
+                100.0 * error.translation / source.diagonal()
+            );
+        }
+        Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
+    }
+}
+
+#[derive(Args)]
+pub(super) struct Accuracy {
+    /// Model to sample: a cloud of at least --points points
+    model: PathBuf,
+    #[command(flatten)]
+    method: MethodOptions,
+    /// Pairs to register
+    #[arg(long, default_value_t = Protocol::default().trials)]
+    trials: usize,
+    /// Points of each sample
+    #[arg(long, default_value_t = Protocol::default().points)]
+    points: usize,
+    /// small: rotation vectors in [-pi/8, pi/8)^3 about the centroid; large: in
+    /// [-pi/2, pi/2)^3 about the origin
+    #[arg(long, default_value_t = Protocol::default().motion)]
+    motion: Motion,
+    /// Seed of motions and samples
+    #[arg(long, default_value_t = Protocol::default().seed)]
+    seed: u64,
+    /// Print one JSON object with every trial instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl Accuracy {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let method = self.method.method()?;
+        let model = io::read(&self.model)?;
+        let Accuracy { trials, points, motion, seed, .. } = *self;
+        let bar = progress(trials as u64, "trials");
+        let protocol = Protocol { trials, points, motion, seed };
+        let report = run(&model, &method, protocol, |done| bar.set_position(done as u64))?;
+        bar.finish_and_clear();
+        if self.json {
+            print_json(&report)?;
+        } else {
+            print(&text(&report))?;
+        }
+        Ok(Outcome::Trusted)
+    }
+}
+
+fn text(report: &Report) -> String {
+    let line = |name: &str, measure: fn(&TruthError) -> f64| {
+        let (mean, deviation) = report.statistics(measure);
+        format!("{name:<22}{mean:.4} +- {deviation:.4}\n")
+    };
+    format!(
+        "{} trials, {} points, {} rotations; {} without an answer, {} doubted\n{}{}{}",
+        report.protocol.trials,
+        report.protocol.points,
+        report.protocol.motion,
+        report.failures(),
+        report.doubted,
+        line("||I - R Rgt^T||_F", |e| e.rotation_frobenius),
+        line("rotation error (deg)", |e| e.rotation_deg),
+        line("translation error", |e| e.translation),
+    )
+}
