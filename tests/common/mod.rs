@@ -1,6 +1,7 @@
 //! What several test files need.
 #![allow(dead_code)] // Each test file uses a part of it.
 
+pub mod compare;
 pub mod files;
 
 use std::path::{Path, PathBuf};
