@@ -69,7 +69,7 @@ pub enum Error {
     #[error(
         "the weighted connections do not determine a rotation: rank {rank} of the \
          cross-covariance, singular values relative to the clouds' spread {0:.3e}, {1:.3e}, \
-         {2:.3e}; at least two must exceed 1e-7 (collinear, planar or featureless clouds, or \
+         {2:.3e}; at least two must exceed 1e-8 (collinear, planar or featureless clouds, or \
          weights that do not tell points apart)",
         .singular_values[0], .singular_values[1], .singular_values[2]
     )]

@@ -1,9 +1,12 @@
 //! The four closed forms solve the same problem and find the same answer.
 
+mod common;
+
 use cfreg::math::{self, Vec3};
 use cfreg::moments::Moments;
 use cfreg::pose::{self, ScaleEstimate, Solver};
 use cfreg::{Error, Transform};
+use common::compare::poses_differ_by;
 use proptest::prelude::*;
 
 /// Weighted pairs: mostly a moved cloud, blurred so that it is no exact fit.
@@ -27,11 +30,6 @@ fn problem() -> impl Strategy<Value = Moments> {
     })
 }
 
-fn difference(a: &Transform, b: &Transform) -> f64 {
-    let (a, b) = (a.matrix(), b.matrix());
-    a.as_flattened().iter().zip(b.as_flattened()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
-}
-
 proptest! {
     #[test]
     fn they_agree(moments in problem()) {
@@ -39,7 +37,7 @@ proptest! {
             let arun = pose::solve(&moments, Solver::Arun, scale).unwrap().transform;
             for solver in Solver::ALL {
                 let other = pose::solve(&moments, solver, scale).unwrap().transform;
-                prop_assert!(difference(&arun, &other) < 1e-9, "{solver} {scale}: {arun:?} {other:?}");
+                prop_assert!(poses_differ_by(&arun, &other) < 1e-9, "{solver} {scale}: {arun:?} {other:?}");
             }
         }
     }
@@ -78,7 +76,7 @@ proptest! {
         for (solver, estimate) in Solver::ALL.into_iter().flat_map(|s| estimates.map(|e| (s, e))) {
             let Ok(found) = pose::solve(&moments, solver, estimate) else { continue };
             prop_assume!(found.singular_values[1] > 1e-3);
-            prop_assert!(difference(&found.transform, &truth) < 1e-9, "{solver} {estimate}");
+            prop_assert!(poses_differ_by(&found.transform, &truth) < 1e-9, "{solver} {estimate}");
         }
     }
 }
@@ -99,7 +97,7 @@ fn a_mirror_image_gets_a_rotation() {
     assert!((math::determinant(&arun.rotation) - 1.0).abs() < 1e-12);
     for solver in Solver::ALL {
         let other = pose::solve(&moments, solver, ScaleEstimate::Fixed).unwrap().transform;
-        assert!(difference(&arun, &other) < 1e-9, "{solver}");
+        assert!(poses_differ_by(&arun, &other) < 1e-9, "{solver}");
     }
 }
 
@@ -110,7 +108,7 @@ fn a_plane_is_enough_and_a_line_is_not() {
     let flat = moments_of(&plane.map(|p| (p, turn.apply(p))));
     for solver in Solver::ALL {
         let found = pose::solve(&flat, solver, ScaleEstimate::Fixed).unwrap();
-        assert!(difference(&found.transform, &turn) < 1e-9, "{solver}");
+        assert!(poses_differ_by(&found.transform, &turn) < 1e-9, "{solver}");
         assert!(found.singular_values[2] < 1e-12);
     }
     let line = [[1.0, 2.0, 3.0], [2.0, 4.0, 6.0], [-1.0, -2.0, -3.0]];
@@ -136,7 +134,7 @@ fn tiny_and_huge_units_change_nothing() {
             let found = pose::solve(&moments_of(&pairs), solver, ScaleEstimate::Fixed).unwrap();
             let mut rest = found.transform;
             rest.translation = math::scaled(rest.translation, 1.0 / unit);
-            assert!(difference(&rest, &turn) < 1e-9, "{solver} {unit}");
+            assert!(poses_differ_by(&rest, &turn) < 1e-9, "{solver} {unit}");
         }
     }
 }

@@ -10,6 +10,11 @@ const LANES: usize = 16;
 /// Sums kept per source: Σw, Σw qx, Σw qy, Σw qz, Σw |q|², Σw².
 const SUMS: usize = 6;
 
+/// Weights are multiplied by this before they are squared, and the sum of squares is
+/// divided by its square: f32 then holds the squares of weights from 1e-28 to 1e9, where
+/// plain squares of weights below 1e-19 would vanish.
+const LIFT: f32 = (1u32 << 30) as f32;
+
 /// Target positions about their origin, one array a coordinate.
 pub(super) struct Targets {
     pub(super) x: Vec<f32>,
@@ -65,10 +70,12 @@ impl Reducer for MomentSums<'_> {
                 sy[k] = w[k].mul_add(y[k], sy[k]);
                 sz[k] = w[k].mul_add(z[k], sz[k]);
                 sq[k] = w[k].mul_add(q[k], sq[k]);
-                sw[k] = w[k].mul_add(w[k], sw[k]);
+                let lifted = LIFT * w[k];
+                sw[k] = lifted.mul_add(lifted, sw[k]);
             }
         }
         let mut sums = [s, sx, sy, sz, sq, sw].map(total);
+        sums[5] /= f64::from(LIFT).powi(2);
         for at in whole..weights.len() {
             let w = f64::from(weights[at]);
             let factors = [x[at], y[at], z[at], squares[at], weights[at]];

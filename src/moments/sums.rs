@@ -132,7 +132,7 @@ impl Moments {
     /// [`Error::NonFinite`] when a sum is not finite, [`Error::NoWeight`] when Σw is not
     /// above zero.
     pub fn centered(&self) -> Result<Centered> {
-        let sums = [self.weight, self.source_squares, self.target_squares];
+        let sums = [self.weight, self.source_squares, self.target_squares, self.weight_squared];
         let vectors = [self.source_sum, self.target_sum, self.source_origin, self.target_origin];
         let mut all = sums.iter().chain(vectors.as_flattened()).chain(self.cross.as_flattened());
         if let Some(index) = all.position(|value| !value.is_finite()) {

@@ -19,8 +19,9 @@ use crate::math::fast;
 
 /// Weight of a connection from its squared descriptor distance.
 ///
-/// Weights must be finite and not negative; [`moments`](crate::moments) reports
-/// those that are not. Any closure is a kernel:
+/// Weights must be finite, which [`moments`](crate::moments) checks, and not negative,
+/// which it does not. f32 sums and squares them: keep the large ones between 1e-25 and
+/// 1e8. Any closure is a kernel:
 ///
 /// ```
 /// use cfreg::weight::WeightKernel;

@@ -1,7 +1,9 @@
 //! What several test files need.
 #![allow(dead_code)] // Each test file uses a part of it.
 
+pub mod compare;
 pub mod files;
+pub mod sides;
 
 use std::path::{Path, PathBuf};
 
