@@ -1,4 +1,4 @@
-//! Rigid point-cloud registration without correspondences and without an initial guess.
+#![doc = include_str!("../README.md")]
 #![warn(missing_docs)]
 
 #[cfg(feature = "cli")]

@@ -25,7 +25,7 @@ pub(super) struct Evaluate {
     truth: Option<PathBuf>,
     /// Largest distance that counts as an inlier [default: 3 times the coarser cloud's
     /// resolution]
-    #[arg(long, value_name = "D")]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
     max_distance: Option<f64>,
     #[command(flatten)]
     thinning: Thinning,

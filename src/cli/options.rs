@@ -18,7 +18,7 @@ use crate::{filter, io};
 #[derive(Args, Clone, serde::Serialize)]
 pub(super) struct Thinning {
     /// Keep one point (the mean) per cube of this side, in the unit of the coordinates
-    #[arg(long, value_name = "V")]
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
     voxel: Option<f64>,
     /// Keep this many points, drawn at random (after --voxel)
     #[arg(long, value_name = "N")]
@@ -64,7 +64,7 @@ pub(super) struct MethodOptions {
     #[arg(long, value_name = "K", conflicts_with = "radius")]
     neighbors: Option<usize>,
     /// Describe by all points within this radius instead, in the unit of the coordinates
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     radius: Option<f64>,
     /// Nearest points for normals [default: as for descriptors]
     #[arg(long, value_name = "K")]
@@ -82,7 +82,7 @@ pub(super) struct MethodOptions {
     weights: Option<WeightScheme>,
     /// Squared bandwidth of the kernel, in squared descriptor units [default: 100 with
     /// --histogram pcl, 400 with open3d]
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     beta: Option<f64>,
     /// Normalisation of the full connection: none, source, target, both, sinkhorn:N
     /// [default: none]

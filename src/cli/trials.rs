@@ -28,7 +28,7 @@ pub(super) struct Demo {
     /// Seed of shape samples and motion
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Also write source.ply, target.ply and truth.txt to this folder
+    /// Also write source.pcd, target.pcd (with their viewpoints) and truth.txt to this folder
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
     /// Print one JSON object instead of the matrix
@@ -60,8 +60,8 @@ impl Demo {
         let target = target.with_viewpoint([0.0; 3])?.transformed(&truth)?;
         if let Some(folder) = &self.write {
             std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
-            io::write(folder.join("source.ply"), &source)?;
-            io::write(folder.join("target.ply"), &target)?;
+            io::write(folder.join("source.pcd"), &source)?;
+            io::write(folder.join("target.pcd"), &target)?;
             io::write_transform(folder.join("truth.txt"), &truth)?;
         }
         let registration = method.register(&source, &target)?;

@@ -13,8 +13,8 @@ use crate::quality::{Doubt, Evaluation};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
-/// Serialises to the object that `cfreg register --json` prints; `docs/registration.md`
-/// has the schema.
+/// Serialises to the object that `cfreg register --json` prints; the
+/// README has its fields.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.

@@ -1,0 +1,122 @@
+//! The floors of the crate: which top-level module may import which.
+//!
+//! Every `crate::name` or `super::name` in `src/` that names a top-level module
+//! must point at a floor strictly below the importing module's own, except for
+//! the sideways arrows in `SIDEWAYS`. Arrows that only go down cannot form a
+//! cycle; `sideways_is_acyclic` checks the rest.
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+const FLOORS: &[(u8, &[&str])] = &[
+    (0, &["error", "math", "par"]),
+    (1, &["cloud", "weight"]),
+    (2, &["io", "search", "moments"]),
+    (3, &["filter", "normals", "descriptor", "pose"]),
+    (4, &["quality"]),
+    (5, &["method"]),
+    (7, &["experiment"]),
+    (8, &["cli", "python"]),
+];
+const SIDEWAYS: &[(&str, &str)] = &[("math", "error"), ("par", "error"), ("descriptor", "normals")];
+
+fn floor(module: &str) -> Option<u8> {
+    FLOORS.iter().find(|(_, names)| names.contains(&module)).map(|(floor, _)| *floor)
+}
+
+fn allowed(from: &str, to: &str) -> bool {
+    from == to || floor(to) < floor(from) || SIDEWAYS.contains(&(from, to))
+}
+
+fn word(text: &str) -> String {
+    text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
+/// Names right after `prefix`, with `prefix{a::x, b}` opened; line comments dropped.
+fn names_after(prefix: &str, text: &str) -> BTreeSet<String> {
+    let code: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or("")).collect();
+    let code = code.join(" ");
+    let mut names = BTreeSet::new();
+    for rest in code.split(prefix).skip(1) {
+        let Some(group) = rest.strip_prefix('{') else {
+            names.insert(word(rest));
+            continue;
+        };
+        let (mut depth, mut item) = (0, String::new());
+        for c in group.chars() {
+            match c {
+                '{' => depth += 1,
+                '}' if depth == 0 => break,
+                '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    names.insert(word(&item));
+                    item.clear();
+                    continue;
+                }
+                _ => {}
+            }
+            item.push(c);
+        }
+        names.insert(word(&item));
+    }
+    names
+}
+
+fn walk(dir: &Path, visit: &mut impl FnMut(&Path)) {
+    for entry in fs::read_dir(dir).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            walk(&path, visit);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            visit(&path);
+        }
+    }
+}
+
+#[test]
+fn imports_only_go_down() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let (mut bad, mut seen) = (Vec::new(), 0);
+    walk(&src, &mut |path| {
+        let rel = path.strip_prefix(&src).unwrap();
+        let from = rel.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
+        if ["lib", "main"].contains(&from) {
+            return;
+        }
+        assert!(floor(from).is_some(), "{from} has no floor: add it to FLOORS");
+        let text = fs::read_to_string(path).unwrap();
+        for to in names_after("crate::", &text).union(&names_after("super::", &text)) {
+            // Not a top-level module: a re-export at the root (Error), or a local submodule.
+            if floor(to).is_some() {
+                seen += 1;
+                if !allowed(from, to) {
+                    bad.push(format!("{} -> {to}", rel.display()));
+                }
+            }
+        }
+    });
+    assert!(seen > 0, "no import was read: the scanner is broken");
+    assert!(bad.is_empty(), "arrows that go up or sideways:\n{}", bad.join("\n"));
+}
+
+#[test]
+fn sideways_is_acyclic() {
+    for &(from, to) in SIDEWAYS {
+        assert_eq!(floor(from), floor(to), "{from} -> {to} is not sideways");
+        let mut reached = BTreeSet::from([to]);
+        for _ in SIDEWAYS {
+            let next: Vec<&str> =
+                SIDEWAYS.iter().filter(|(a, _)| reached.contains(a)).map(|(_, b)| *b).collect();
+            reached.extend(next);
+        }
+        assert!(!reached.contains(from), "cycle through {from}");
+    }
+}
+
+#[test]
+fn the_scanner_sees_what_it_should() {
+    let text = "use crate::{Error, a::{b, c}, d}; // crate::no\nlet _ = crate::e::f();";
+    let want = ["Error", "a", "d", "e"].map(String::from);
+    assert_eq!(names_after("crate::", text), BTreeSet::from(want));
+    assert!(!allowed("math", "method") && allowed("method", "math"));
+}

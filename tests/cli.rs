@@ -1,0 +1,218 @@
+//! The command line as a process: outputs, exit codes, messages.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn cfreg(folder: &Path, line: &str) -> Output {
+    let mut command = Command::cargo_bin("cfreg").unwrap();
+    command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// A folder with the demo's clouds in `pair`.
+fn demo() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let output = cfreg(folder.path(), "demo --write pair");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    folder
+}
+
+const PAIR: &str = "register pair/source.pcd pair/target.pcd";
+
+#[test]
+fn json_is_one_object_with_the_documented_fields() {
+    let folder = demo();
+    let output =
+        cfreg(folder.path(), &format!("{PAIR} --json --voxel 0.02 --sample 1800 --seed 4"));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let rows = answer["transform"].as_array().unwrap();
+    assert!(rows.len() == 4 && rows.iter().all(|row| row.as_array().unwrap().len() == 4));
+    for field in [
+        "method",
+        "trusted",
+        "doubts",
+        "evaluation",
+        "weighted_rms",
+        "connections",
+        "effective_connections",
+        "singular_values",
+        "moments",
+        "points",
+        "time_s",
+        "config",
+        "source",
+        "target",
+        "thinning",
+    ] {
+        assert!(answer.get(field).is_some(), "{field} is missing");
+    }
+    assert_eq!(answer["method"], "cf");
+    assert_eq!(answer["config"]["beta"], 100.0);
+    assert_eq!(answer["config"]["weights"], "gaussian");
+    assert_eq!(answer["points"]["source"]["used"], 1800);
+    assert!(answer["time_s"]["moments"].as_f64().unwrap() > 0.0);
+    assert!(answer["time_s"]["total"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_pose_is_written_read_and_judged() {
+    let folder = demo();
+    let output = cfreg(folder.path(), &format!("{PAIR} --output pose.txt --write-aligned out.ply"));
+    assert_eq!(code(&output), 0);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(printed.lines().count(), 4);
+    let judge = "evaluate pair/source.pcd pair/target.pcd --transform pose.txt --truth pair/truth.txt --json";
+    let judged: Value = serde_json::from_slice(&cfreg(folder.path(), judge).stdout).unwrap();
+    assert!(judged["truth"]["rotation_deg"].as_f64().unwrap() < 10.0);
+    assert!(judged["fitness"].as_f64().unwrap() > 0.5);
+    // The aligned cloud needs no further motion: the identity has the same fitness.
+    std::fs::write(folder.path().join("one.txt"), "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n").unwrap();
+    let distance = judged["max_distance"].as_f64().unwrap();
+    let judge = format!(
+        "evaluate out.ply pair/target.pcd --transform one.txt --json --max-distance {distance}"
+    );
+    let again: Value = serde_json::from_slice(&cfreg(folder.path(), &judge).stdout).unwrap();
+    let difference = again["fitness"].as_f64().unwrap() - judged["fitness"].as_f64().unwrap();
+    assert!(difference.abs() < 0.01, "{difference}");
+}
+
+#[test]
+fn settings_reach_the_method() {
+    let folder = demo();
+    let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
+        --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
+    let output = cfreg(folder.path(), &format!("{PAIR} --json {settings}"));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let config = &answer["config"];
+    assert_eq!(config["neighborhood"]["nearest"], 80);
+    assert_eq!(config["normal_neighborhood"]["nearest"], 30);
+    assert_eq!(config["orientation"], "outward");
+    assert_eq!(config["histogram"], "open3d");
+    assert_eq!(config["beta"], 400.0);
+    assert_eq!(config["weights"], "student-t:3");
+    assert_eq!(config["normalization"], "sinkhorn:2");
+    assert_eq!(config["solver"], "walker");
+    assert_eq!(config["scale"], "symmetric");
+    assert_eq!(config["threads"], 1);
+}
+
+#[test]
+fn help_states_the_defaults_of_the_library() {
+    let output = cfreg(Path::new("."), "register --help");
+    let help = String::from_utf8(output.stdout).unwrap();
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let cf = cfreg::method::Cf::default();
+    let cfreg::search::Neighborhood::Nearest(k) = cf.describe.neighborhood else { panic!() };
+    let beta = cf.describe.histogram.default_beta();
+    for default in [
+        format!("[default: {k}]"),
+        format!("[default: {} with", beta),
+        format!("[default: {}]", cf.weights),
+        format!("[default: {}]", cf.normalization),
+        format!("[default: {}]", cf.solver),
+        format!("[default: {}]", cf.scale),
+        format!("[default: {}]", cf.describe.histogram),
+    ] {
+        assert!(help.contains(&default), "{default} is not in the help:\n{help}");
+    }
+    for name in
+        cfreg::weight::WeightScheme::NAMES.into_iter().chain(cfreg::weight::Normalization::NAMES)
+    {
+        assert!(help.contains(name), "{name}");
+    }
+}
+
+#[test]
+fn an_answer_not_to_be_trusted_is_written_and_exits_with_1() {
+    let folder = demo();
+    // Two halves of the shape that share nothing.
+    let whole = cfreg::io::read(folder.path().join("pair/source.pcd")).unwrap();
+    for (name, sign) in [("left.ply", -1.0), ("right.ply", 1.0)] {
+        let side: Vec<usize> =
+            (0..whole.len()).filter(|&i| sign * whole.position(i)[0] > 0.05).collect();
+        cfreg::io::write(folder.path().join(name), &whole.select(&side)).unwrap();
+    }
+    let output = cfreg(folder.path(), "register left.ply right.ply --output pose.txt");
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("not to be trusted"));
+    assert!(folder.path().join("pose.txt").exists() && !output.stdout.is_empty());
+}
+
+#[test]
+fn no_answer_exits_with_2_and_names_the_cause() {
+    let folder = demo();
+    let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    file("empty.ply", "");
+    file("two.xyz", "0 0 0\n1 1 1\n");
+    file("word.xyz", "0 0 0\n1 one 1\n");
+    file(
+        "huge.ply",
+        "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n",
+    );
+    for (line, cause) in [
+        ("register nosuch.ply pair/target.pcd", "nosuch.ply"),
+        ("register empty.ply pair/target.pcd", "empty.ply"),
+        ("register pair pair/target.pcd", "directory"),
+        ("register two.xyz pair/target.pcd", "2 usable points"),
+        ("register word.xyz pair/target.pcd", "line 2"),
+        ("register huge.ply pair/target.pcd", "1000000000000"),
+        ("register pair/source.pcd pair/target.pcd --beta -1", "beta"),
+        ("register pair/source.pcd pair/target.pcd --neighbors 1", "neighbors"),
+        ("register pair/source.pcd pair/target.pcd --weights gauss", "gaussian"),
+        ("register pair/source.pcd pair/target.pcd --weights uniform", "rank"),
+        ("register pair/source.pcd pair/target.pcd --voxel 0", "voxel"),
+        ("register pair/source.pcd pair/target.pcd --sample 0", "sample"),
+        ("register pair/source.pcd pair/target.pcd --method icq", "icq"),
+        ("register pair/source.pcd pair/target.pcd --orientation up", "up"),
+        ("register pair/source.pcd pair/target.pcd --write-aligned out.stl", "out.stl"),
+        ("evaluate pair/source.pcd pair/target.pcd --transform two.xyz", "two.xyz"),
+        ("convert pair/source.pcd out.stl", "out.stl"),
+        ("accuracy two.xyz", "500"),
+        ("accuracy pair/source.pcd --trials 0", "trials"),
+        ("info empty.ply", "is empty"),
+    ] {
+        let output = cfreg(folder.path(), line);
+        assert_eq!(code(&output), 2, "{line}: {}", stderr(&output));
+        assert!(stderr(&output).contains(cause), "{line}: {}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{line} wrote to stdout");
+    }
+}
+
+#[test]
+fn clouds_are_converted_and_described() {
+    let folder = demo();
+    for target in ["a.pcd", "b.xyz", "c.csv", "d.ply"] {
+        let output = cfreg(folder.path(), &format!("convert pair/source.pcd {target}"));
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    }
+    let output = cfreg(folder.path(), "info a.pcd b.xyz c.csv d.ply --json");
+    let facts: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for file in facts.as_array().unwrap() {
+        assert_eq!(file["points"], 2000, "{file}");
+        assert_eq!(file["diagonal"], facts[0]["diagonal"]);
+    }
+}
+
+#[test]
+fn the_readmes_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let readme = include_str!("../README.md");
+    let lines: Vec<&str> = readme.lines().filter_map(|line| line.strip_prefix("cfreg ")).collect();
+    assert!(lines.len() >= 6, "the README's command lines were not found");
+    for line in lines {
+        let output = cfreg(folder.path(), line);
+        assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
+    }
+}
