@@ -82,8 +82,9 @@ impl PointCloud {
         let center = math::scaled(math::add(low, high), 0.5);
         let origin = snapped(center, extent, 1.0);
         let frame_origin = snapped(center, extent, FAR);
-        let points: Vec<[f32; 3]> =
-            points.map(|p| math::sub(p, origin).map(|x| x as f32)).collect();
+        let digits = 10f64.powi((DIGITS - exponent(extent)).clamp(-300, 300));
+        let local = |p: Vec3| [0, 1, 2].map(|axis| local(p[axis], origin[axis], digits));
+        let points: Vec<[f32; 3]> = points.map(local).collect();
         let dropped = given - points.len();
         Ok(PointCloud { points, origin, frame_origin, dropped, ..Default::default() })
     }
@@ -247,7 +248,7 @@ fn snapped(center: Vec3, extent: f64, factor: f64) -> Vec3 {
     if extent == 0.0 {
         return center;
     }
-    let exponent = extent.log10().ceil() as i32 + factor.log10() as i32;
+    let exponent = exponent(extent) + factor.log10() as i32;
     let power = 10f64.powi(exponent.abs());
     center.map(|x| {
         let snapped =
@@ -256,6 +257,30 @@ fn snapped(center: Vec3, extent: f64, factor: f64) -> Vec3 {
         let snapped = if snapped.is_finite() { snapped } else { x };
         snapped + 0.0
     })
+}
+
+/// Exponent of the power of ten at or above `extent`; 0 for no extent.
+fn exponent(extent: f64) -> i32 {
+    if extent > 0.0 { extent.log10().ceil() as i32 } else { 0 }
+}
+
+/// Decimal digits below the power of ten at or above a cloud's size that a coordinate is
+/// taken to have been written with.
+const DIGITS: i32 = 8;
+
+/// `x` relative to `origin`.
+///
+/// Beside a map offset f64 has lost the last digits of `x`. Where a number with few
+/// decimals (a multiple of 1/`digits`) lies within that loss, it is what was written, and
+/// taking it gives the same bits as without the offset.
+fn local(x: f64, origin: f64, digits: f64) -> f32 {
+    let local = x - origin;
+    if origin == 0.0 {
+        return local as f32;
+    }
+    let lost = x.abs().next_up() - x.abs();
+    let written = (local * digits).round() / digits;
+    (if (written - local).abs() <= lost { written } else { local }) as f32
 }
 
 /// `normal` at unit length in f32; zero when it has no direction.
@@ -286,6 +311,20 @@ mod tests {
         assert_eq!(math::sub(far.origin(), near.origin()), [5e5, 5.6e6, 300.0]);
         assert_eq!(near.frame_origin(), [0.0; 3]);
         assert_eq!(far.frame_origin(), [5e5, 5.6e6, 300.0]);
+    }
+
+    #[test]
+    fn decimals_survive_a_map_offset() {
+        // As text files have them, through f64 or through f32: none is exact in binary.
+        let decimals: Vec<Vec3> = (0..200)
+            .map(|i| [f64::from(i) * 7.813e-4 - 0.0947, 0.0359793 + f64::from(i) * 1e-5, 0.0012345])
+            .collect();
+        let singles = decimals.iter().map(|p| p.map(|x| f64::from(x as f32))).collect();
+        for near in [decimals, singles] {
+            let far: Vec<Vec3> = near.iter().map(|&p| math::add(p, [5e5, 5.6e6, 300.0])).collect();
+            let (near, far) = (PointCloud::new(&near).unwrap(), PointCloud::new(&far).unwrap());
+            assert_eq!(near.points(), far.points());
+        }
     }
 
     #[test]
