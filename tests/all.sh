@@ -36,5 +36,8 @@ step "the reference: its own checks, and the golden cases"
 step "the reference beside Open3D"
 (cd python-ref && "$python" compare.py --without-cfreg)
 
+step "the data folder"
+"$python" -m unittest discover data
+
 step "the crate"
 cargo test
