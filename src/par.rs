@@ -10,11 +10,15 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
+/// Most threads that may be asked for.
+pub const MOST_THREADS: usize = 1024;
+
 /// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
 /// machine has cores (or as the pool has in which the caller already is).
 ///
 /// # Errors
-/// [`Error::Config`] when the system does not give that many threads.
+/// [`Error::Config`] for more than [`MOST_THREADS`], or when the system does not give that
+/// many.
 ///
 /// ```
 /// let sum = cfreg::par::with_threads(2, || cfreg::par::map(4, || (), |_, i| i * i).iter().sum::<usize>())?;
@@ -24,6 +28,9 @@ use crate::error::{Error, Result};
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     if threads == 0 {
         return Ok(work());
+    }
+    if threads > MOST_THREADS {
+        return Err(Error::config("threads", threads, format!("must be at most {MOST_THREADS}")));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)

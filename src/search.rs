@@ -173,6 +173,9 @@ impl Neighbors {
             );
             return Ok(Neighbors { starts: (0..=n).map(|i| i * k).collect(), all });
         }
+        if let Neighborhood::Radius(radius) = neighborhood {
+            refuse_crowds(&tree, points, radius)?;
+        }
         let rows = par::map(n, || (), |_, i| tree.around(&points[i], neighborhood));
         let ends = rows.iter().scan(0, |end, row| {
             *end += row.len();
@@ -198,6 +201,26 @@ impl Neighbors {
     pub fn of(&self, i: usize) -> &[Neighbor] {
         &self.all[self.starts[i]..self.starts[i + 1]]
     }
+}
+
+/// Most neighbours that are held for a cloud by radius: 4 GB of them.
+const MOST_NEIGHBORS: usize = 500_000_000;
+
+/// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
+fn refuse_crowds(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
+    let step = points.len().div_ceil(100);
+    let judged: Vec<usize> =
+        points.iter().step_by(step).map(|point| tree.within(point, radius).len()).collect();
+    let mean = judged.iter().sum::<usize>() / judged.len();
+    if mean.saturating_mul(points.len()) <= MOST_NEIGHBORS {
+        return Ok(());
+    }
+    let rule = format!(
+        "holds about {mean} neighbours for each of {} points, more than memory is taken for: use a \
+         smaller radius, a voxel grid, or a number of neighbours",
+        points.len()
+    );
+    Err(Error::config("radius", radius, rule))
 }
 
 /// Median distance from a point to its nearest other point: the resolution of a cloud.
@@ -287,6 +310,14 @@ mod tests {
         assert_eq!(count(Neighborhood::Radius(2.5)), [2, 3, 2, 1]);
         assert_eq!(count(Neighborhood::Hybrid { radius: 9.5, max: 3 }), [3, 3, 3, 3]);
         assert_eq!(resolution(&points).unwrap(), 2.0);
+    }
+
+    #[test]
+    fn a_radius_that_holds_the_cloud_squared_is_refused() {
+        let points: Vec<[f32; 3]> =
+            (0..30_000).map(|i| [(i % 173) as f32, (i / 173) as f32, 0.0]).collect();
+        let found = Neighbors::find(&points, Neighborhood::Radius(1e4));
+        assert!(matches!(found, Err(Error::Config { field: "radius", .. })));
     }
 
     #[test]

@@ -86,6 +86,14 @@ impl Describe {
             normals::estimate(cloud, own.as_ref().unwrap_or(&neighbors), self.orientation)
         })?;
         if normals.undefined() == points.len() {
+            let radius = match self.normal_neighborhood.unwrap_or(self.neighborhood) {
+                Neighborhood::Radius(radius) | Neighborhood::Hybrid { radius, .. } => Some(radius),
+                Neighborhood::Nearest(_) => None,
+            };
+            if let Some(radius) = radius {
+                let rule = format!("holds no plane around any point of {name}: use a larger one");
+                return Err(Error::config("radius", radius, rule));
+            }
             return Err(Error::Degenerate { rank: 1, singular_values: [0.0; 3] });
         }
         let descriptors = times
