@@ -15,6 +15,8 @@ pub mod moments;
 pub mod normals;
 pub mod par;
 pub mod pose;
+#[cfg(feature = "python")]
+mod python;
 pub mod quality;
 pub mod search;
 pub mod weight;

@@ -1,0 +1,127 @@
+//! Normals and descriptors.
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+use super::arrays::{rows, table, whole_cloud};
+use super::errors::{about, exception, released};
+use crate::cloud::{Descriptors, PointCloud};
+use crate::descriptor::{self, BINS};
+use crate::error::{Error, Result};
+use crate::math::Vec3;
+use crate::method::Describe;
+use crate::normals::{self, Normals, Orientation};
+use crate::search::{Neighborhood, Neighbors};
+
+/// Estimate normals from the nearest neighbours of every point.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) float32 or float64, any unit
+/// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
+///     all points where there are fewer
+/// viewpoint : three numbers in the frame of the points, where the sensor stood; normals
+///     point towards it. None: the origin. (For clouds that lie more than about 50 times
+///     their size away from it, a round place nearby that moves along with map offsets.)
+///
+/// Returns
+/// -------
+/// normals : (N, 3) float32, of unit length; zero where the neighbourhood has no plane
+/// curvature : (N,) float32, smallest eigenvalue of the neighbourhood's covariance over
+///     the sum of all three, 0 on a plane to 1/3
+///
+/// Raises
+/// ------
+/// ValueError : a row that is not finite, named; a shape or setting out of range
+/// TypeError : not an array of float32 or float64
+#[pyfunction]
+#[pyo3(signature = (points, neighbors=150, viewpoint=None))]
+pub(super) fn estimate_normals<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    neighbors: Option<usize>,
+    viewpoint: Option<Vec3>,
+) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>)> {
+    let describe = describe(neighbors, viewpoint);
+    let cloud = whole_cloud(points, "points")?;
+    let normals = released(py, || Ok(neighborhoods(&cloud, &describe)?.1))?;
+    let vectors = table(py, 3, normals.vectors.into_flattened());
+    Ok((vectors, PyArray1::from_vec(py, normals.curvature)))
+}
+
+/// Compute Fast Point Feature Histograms (Rusu, Blodow and Beetz 2009).
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) float32 or float64, any unit
+/// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
+///     all points where there are fewer
+/// scale : "pcl", three blocks of 11 bins that sum to 100 each (what PCL computes), or
+///     "open3d", blocks that sum to 200 (what Open3D computes)
+/// viewpoint : see estimate_normals; only without normals
+/// normals : (N, 3) float32 or float64, oriented; scaled to unit length, zero means
+///     undefined. None: estimated over the same neighbourhoods
+///
+/// Returns
+/// -------
+/// (N, 33) float32; a row is zero where nothing can be told, as for a point without
+/// others around it
+///
+/// Raises
+/// ------
+/// ValueError : a row that is not finite, named; a shape or setting out of range; normals
+///     and a viewpoint at once
+/// TypeError : not an array of float32 or float64
+#[pyfunction]
+#[pyo3(signature = (points, neighbors=150, scale="pcl", viewpoint=None, normals=None))]
+pub(super) fn fpfh<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    neighbors: Option<usize>,
+    scale: Option<&str>,
+    viewpoint: Option<Vec3>,
+    normals: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let mut describe = describe(neighbors, viewpoint);
+    if let Some(name) = scale {
+        describe.histogram = name.parse().map_err(|error| about("scale", error))?;
+    }
+    let cloud = match normals {
+        None => whole_cloud(points, "points")?,
+        Some(normals) => {
+            if let Some(at) = viewpoint {
+                let rule = "orients estimated normals, but normals were given: leave one out";
+                return Err(exception(Error::config("viewpoint", format!("{at:?}"), rule)));
+            }
+            describe.orientation = Orientation::Stored;
+            let normals = rows(normals, "normals")?;
+            PointCloud::with_normals(&rows(points, "points")?, &normals)
+                .map_err(|error| about("normals", error))?
+        }
+    };
+    let described = released(py, || descriptors(&cloud, &describe))?;
+    Ok(table(py, BINS, described.as_slice().to_vec()))
+}
+
+/// The crate's defaults with what was given.
+pub(super) fn describe(neighbors: Option<usize>, viewpoint: Option<Vec3>) -> Describe {
+    let mut describe = Describe::default();
+    if let Some(k) = neighbors {
+        describe.neighborhood = Neighborhood::Nearest(k);
+    }
+    if let Some(at) = viewpoint {
+        describe.orientation = Orientation::Towards(at);
+    }
+    describe
+}
+
+fn neighborhoods(cloud: &PointCloud, describe: &Describe) -> Result<(Neighbors, Normals)> {
+    let neighbors = Neighbors::find(cloud.points(), describe.neighborhood)?;
+    let normals = normals::estimate(cloud, &neighbors, describe.orientation)?;
+    Ok((neighbors, normals))
+}
+
+fn descriptors(cloud: &PointCloud, describe: &Describe) -> Result<Descriptors> {
+    let (neighbors, normals) = neighborhoods(cloud, describe)?;
+    descriptor::fpfh(cloud.points(), &normals.vectors, &neighbors, describe.histogram)
+}
