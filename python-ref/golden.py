@@ -203,7 +203,7 @@ def sums_and_pose(sums):
     }
 
 
-def pose(sums, scale="none"):
+def pose(sums, scale="fixed"):
     """Scale, rotation, translation and residual by Arun's solver, and how far the
     other three are from it; None where the rotation is not unique."""
     try:

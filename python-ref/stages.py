@@ -156,7 +156,7 @@ def sums(a, b, size, cfreg, beta):
 def poses(theirs, ours, size, cfreg, label):
     same = ref.Moments(**{name: np.asarray(getattr(theirs, name)) for name in vars(ours)})
     for solver in ref.SOLVERS:
-        for scale in ("none", "umeyama"):
+        for scale in ("fixed", "umeyama"):
             matrix = np.asarray(cfreg.solve(theirs, solver=solver, scale=scale))
             who = f"{label}, {solver}, scale {scale}"
             alone = ref.solve(same, solver, scale).matrix()

@@ -36,15 +36,15 @@ class Pose:
         return result
 
 
-def solve(sums, solver="arun", scale="none"):
+def solve(sums, solver="arun", scale="fixed"):
     """The pose of least weighted residual.
 
-    `scale` is "none" (s = 1) or "umeyama" (S. Umeyama, PAMI 1991, eq. 42: the
+    `scale` is "fixed" (s = 1) or "umeyama" (S. Umeyama, PAMI 1991, eq. 42: the
     s that minimises the residual over source and target for the rotation found).
     """
     _require_unique(sums)
     rotation = SOLVERS[solver](sums)
-    if scale == "none":
+    if scale == "fixed":
         # Walker et al. find rotation and translation together.
         if solver == "walker":
             translation = _walker_translation(sums, rotation)
@@ -53,7 +53,7 @@ def solve(sums, solver="arun", scale="none"):
     elif scale == "umeyama":
         factor = np.trace(rotation @ sums.centred_cross()) / sums.centred_source_squares()
     else:
-        raise ValueError(f"scale must be none or umeyama, not {scale!r}")
+        raise ValueError(f"scale must be fixed or umeyama, not {scale!r}")
     p_mean = sums.source_origin + sums.source_mean()
     q_mean = sums.target_origin + sums.target_mean()
     return Pose(float(factor), rotation, q_mean - factor * rotation @ p_mean)

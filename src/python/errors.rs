@@ -55,3 +55,10 @@ pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
         "{argument} has a NaN or infinite value in row {row}: remove or repair it first"
     ))
 }
+
+/// A number of things that Python gave as an integer of any sign.
+pub(super) fn count(argument: &'static str, value: Option<i64>) -> PyResult<Option<usize>> {
+    let Some(value) = value else { return Ok(None) };
+    let negative = |_| exception(Error::config(argument, value, "must not be negative"));
+    usize::try_from(value).map(Some).map_err(negative)
+}

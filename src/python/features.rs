@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use super::arrays::{rows, table, whole_cloud};
-use super::errors::{about, exception, released};
+use super::errors::{about, count, exception, released};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};
@@ -39,10 +39,10 @@ use crate::search::{Neighborhood, Neighbors};
 pub(super) fn estimate_normals<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: Option<usize>,
+    neighbors: Option<i64>,
     viewpoint: Option<Vec3>,
 ) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>)> {
-    let describe = describe(neighbors, viewpoint);
+    let describe = describe(neighbors, viewpoint)?;
     let cloud = whole_cloud(points, "points")?;
     let normals = released(py, || Ok(neighborhoods(&cloud, &describe)?.1))?;
     let vectors = table(py, 3, normals.vectors.into_flattened());
@@ -77,12 +77,12 @@ pub(super) fn estimate_normals<'py>(
 pub(super) fn fpfh<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: Option<usize>,
+    neighbors: Option<i64>,
     scale: Option<&str>,
     viewpoint: Option<Vec3>,
     normals: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let mut describe = describe(neighbors, viewpoint);
+    let mut describe = describe(neighbors, viewpoint)?;
     if let Some(name) = scale {
         describe.histogram = name.parse().map_err(|error| about("scale", error))?;
     }
@@ -104,15 +104,15 @@ pub(super) fn fpfh<'py>(
 }
 
 /// The crate's defaults with what was given.
-pub(super) fn describe(neighbors: Option<usize>, viewpoint: Option<Vec3>) -> Describe {
+pub(super) fn describe(neighbors: Option<i64>, viewpoint: Option<Vec3>) -> PyResult<Describe> {
     let mut describe = Describe::default();
-    if let Some(k) = neighbors {
+    if let Some(k) = count("neighbors", neighbors)? {
         describe.neighborhood = Neighborhood::Nearest(k);
     }
     if let Some(at) = viewpoint {
         describe.orientation = Orientation::Towards(at);
     }
-    describe
+    Ok(describe)
 }
 
 fn neighborhoods(cloud: &PointCloud, describe: &Describe) -> Result<(Neighbors, Normals)> {

@@ -141,7 +141,7 @@ pub(super) fn moments(
     weights: Option<&str>,
     beta: Option<f64>,
     normalize: Option<&str>,
-    threads: Option<usize>,
+    threads: Option<i64>,
 ) -> PyResult<Moments> {
     let config = cf(weights, beta, normalize, None, None, threads)?.resolved();
     let beta = config.beta.expect("resolved");

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::cloud;
-use super::errors::{about, exception, released};
+use super::errors::{about, count, exception, released};
 use super::features::describe;
 use crate::error::{Error, Result};
 use crate::math::Vec3;
@@ -59,7 +59,7 @@ pub(super) fn register<'py>(
     source_points: &Bound<'py, PyAny>,
     target_points: &Bound<'py, PyAny>,
     method: &str,
-    neighbors: Option<usize>,
+    neighbors: Option<i64>,
     beta: Option<f64>,
     weights: Option<&str>,
     normalize: Option<&str>,
@@ -67,13 +67,13 @@ pub(super) fn register<'py>(
     scale: Option<&str>,
     histogram: Option<&str>,
     viewpoint: Option<Vec3>,
-    threads: Option<usize>,
+    threads: Option<i64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let mut method: Method = method.parse().map_err(exception)?;
     match &mut method {
         Method::Cf(chosen) => {
             let mut config = cf(weights, beta, normalize, solver, scale, threads)?;
-            config.describe = describe(neighbors, viewpoint);
+            config.describe = describe(neighbors, viewpoint)?;
             set(&mut config.describe.histogram, histogram).map_err(exception)?;
             *chosen = config;
         }
@@ -93,14 +93,14 @@ pub(super) fn cf(
     normalize: Option<&str>,
     solver: Option<&str>,
     scale: Option<&str>,
-    threads: Option<usize>,
+    threads: Option<i64>,
 ) -> PyResult<Cf> {
     let mut cf = Cf { beta, ..Cf::default() };
     set(&mut cf.weights, weights).map_err(|error| about("weights", error))?;
     set(&mut cf.normalization, normalize).map_err(|error| about("normalize", error))?;
     set(&mut cf.solver, solver).map_err(|error| about("solver", error))?;
     set(&mut cf.scale, scale).map_err(|error| about("scale", error))?;
-    cf.threads = threads.unwrap_or(cf.threads);
+    cf.threads = count("threads", threads)?.unwrap_or(cf.threads);
     Ok(cf)
 }
 
