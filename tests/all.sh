@@ -33,8 +33,11 @@ fi
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)
 
-step "the reference beside Open3D"
-(cd python-ref && "$python" compare.py --without-cfreg)
+step "the Python module, and the three side by side: module, reference, Open3D"
+# The profile of the tests: their dependencies are compiled once for both.
+MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
+"$python" -m unittest discover tests/python
+(cd python-ref && "$python" compare.py)
 
 step "the data folder"
 "$python" -m unittest discover data

@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod files;
+pub mod scans;
 pub mod sides;
 
 use std::path::{Path, PathBuf};

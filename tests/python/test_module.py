@@ -8,6 +8,7 @@ import inspect
 import threading
 import traceback
 import unittest
+from pathlib import Path
 
 import cfreg
 import numpy as np
@@ -25,6 +26,17 @@ def turned(points):
     matrix = np.eye(4)
     matrix[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
     return points @ matrix[:3, :3].T, matrix
+
+
+class Readme(unittest.TestCase):
+    def test_its_example_runs(self):
+        readme = Path(__file__).resolve().parents[2] / "README.md"
+        example = readme.read_text().split("```python\n")[1].split("```")[0]
+        target, matrix = turned(terrain(700))
+        names = {"source": terrain(700, seed=1), "target": target}
+        exec(example, names)
+        for pose in (names["found"]["transform"], names["pose"]):
+            self.assertLess(np.linalg.norm(np.asarray(pose) - matrix), 0.5)
 
 
 class Arrays(unittest.TestCase):

@@ -1,0 +1,62 @@
+//! Is a wrong pose ever trusted? Real pairs of every kind, moved apart at random.
+//!
+//! `cargo test --release --test trust -- --nocapture` prints the figures.
+
+mod common;
+
+use cfreg::method::{Cf, Register};
+use cfreg::quality::{MIN_AGREEMENT, truth_error};
+use cfreg::weight::Normalization;
+
+/// Rotations off by more than this are wrong, by less than [`RIGHT`] right, degrees.
+const WRONG: f64 = 20.0;
+const RIGHT: f64 = 10.0;
+
+#[test]
+fn wrong_poses_of_real_scans_are_doubted() {
+    let Some(data) = common::shared_data() else { return };
+    // The inlier distance follows the resolution: with few points chance is harder to tell.
+    for (points, allowed) in [(2000, 0), (500, 10)] {
+        let pairs = common::scans::real_pairs(&data, 8, points);
+        let mut trusted_wrong = Vec::new();
+        let (mut wrong, mut right) = (Vec::new(), Vec::new());
+        for pair in &pairs {
+            for normalization in [Normalization::None, Normalization::Both] {
+                let cf = Cf { normalization, ..Cf::default() };
+                let found = cf.register(&pair.source, &pair.target).unwrap();
+                let center = pair.source.centroid();
+                let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
+                let agreement = found.evaluation.agreement();
+                if angle > WRONG {
+                    wrong.push(agreement);
+                    if found.trusted {
+                        let name = &pair.name;
+                        trusted_wrong.push(format!("{name}, {normalization}: {angle:.0} deg"));
+                    }
+                } else if angle < RIGHT {
+                    right.push(agreement);
+                }
+            }
+        }
+        println!(
+            "{} pairs of {points} points, two normalisations\n\
+             off by more than {WRONG} deg: {}, {} of them trusted\n\
+             off by less than {RIGHT} deg: {}, {} of them at least {MIN_AGREEMENT}",
+            pairs.len(),
+            spread(&mut wrong),
+            trusted_wrong.len(),
+            spread(&mut right),
+            right.iter().filter(|&&x| x >= MIN_AGREEMENT).count(),
+        );
+        assert!(pairs.len() > 50 && wrong.len() > 30 && right.len() > 5);
+        assert!(trusted_wrong.len() <= allowed, "{trusted_wrong:#?}");
+    }
+}
+
+fn spread(agreements: &mut [f64]) -> String {
+    agreements.sort_by(f64::total_cmp);
+    let [least, .., greatest] = agreements else { return format!("{agreements:?}") };
+    let (least, greatest, n) = (*least, *greatest, agreements.len());
+    let median = agreements[n / 2];
+    format!("{n} poses, agreement {least:.2} to {greatest:.2}, median {median:.2}")
+}
