@@ -201,7 +201,7 @@ fn pcd_bodies() {
 
 #[test]
 fn text_files() {
-    let cases: [(&str, &[u8], &[&str]); 14] = [
+    let cases: [(&str, &[u8], &[&str]); 15] = [
         ("a.xyz", b"1 2 3\n\n4 5\n", &["line 3", "2 columns", "z is expected in column 3"]),
         ("a.xyz", b"1 2 3\n4 five 6\n", &["line 2", "y is \"five\""]),
         ("a.xyz", b"x y z\n1 2 3\nx y z\n", &["line 3", "x is \"x\""]),
@@ -214,6 +214,7 @@ fn text_files() {
         ("a.pts", b"3\n1 2 3\n4 5 6\n", &["line 1", "claims 3 points", "has 2"]),
         ("a.pts", b"-3\n1 2 3\n", &["line 1", "\"-3\""]),
         ("a.txt", b"1 2 3\n1 \xff 3\n", &["byte 8", "UTF-8"]),
+        ("a.txt", b"0 0 0\n1e200 0 0\n", &["span 1e200", "stray"]),
         ("a.txt", b"", &["is empty"]),
         ("a.bin", b"\x01\0\x02", &["neither PLY nor PCD nor text"]),
     ];

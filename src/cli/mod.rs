@@ -104,7 +104,9 @@ fn progress(length: u64, what: &'static str) -> ProgressBar {
         ProgressDrawTarget::hidden()
     };
     let bar = if length == 0 {
+        let style = ProgressStyle::with_template("{spinner} {msg} {elapsed}");
         ProgressBar::with_draw_target(None, target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()))
     } else {
         let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}");
         ProgressBar::with_draw_target(Some(length), target)

@@ -37,7 +37,7 @@ use table::{Columns, Fault};
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not what
-/// it claims to be, [`Error::Extent`] as for [`PointCloud::new`].
+/// it claims to be or its coordinates span too much for [`PointCloud::new`].
 ///
 /// ```no_run
 /// let cloud = cfreg::io::read("bun000.ply")?;
@@ -56,7 +56,9 @@ pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
         Some(Format::Text) => text::parse(&content, Columns::XYZ),
         None => Err(Fault::new("is neither PLY nor PCD nor text")),
     };
-    table.map_err(|fault| fault.within(path))?.into_cloud()
+    let table = table.map_err(|fault| fault.within(path))?;
+    // What is wrong with the coordinates together has no line, but it has a file.
+    table.into_cloud().map_err(|error| Fault::new(error.to_string()).within(path))
 }
 
 /// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with
