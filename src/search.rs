@@ -223,24 +223,23 @@ fn refuse_crowds(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<
     Err(Error::config("radius", radius, rule))
 }
 
-/// Median distance from a point to its nearest other point: the resolution of a cloud.
-/// 0 for fewer than two points.
+/// Median distance from a place to the nearest other place with a point: the resolution
+/// of a cloud. Points in the same place count once. 0 for fewer than two places.
 ///
 /// # Errors
 /// Those of [`SearchTree::new`], but none for an empty cloud.
 pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
-    if points.len() < 2 {
+    let mut places = points.to_vec();
+    // Adding zero turns -0 into 0.
+    places.iter_mut().flatten().for_each(|x| *x += 0.0);
+    places.sort_unstable_by_key(|place| place.map(f32::to_bits));
+    places.dedup();
+    if places.len() < 2 {
         return Ok(0.0);
     }
-    let tree = SearchTree::new(points)?;
-    let mut distances = par::map(
-        points.len(),
-        || (),
-        |_, i| {
-            // Its own place comes first; exact duplicates have distance 0 and count as such.
-            tree.k_nearest(&points[i], 2)[1].squared_distance
-        },
-    );
+    let tree = SearchTree::new(&places)?;
+    let nearest = |i: usize| tree.k_nearest(&places[i], 2)[1].squared_distance;
+    let mut distances = par::map(places.len(), || (), |_, i| nearest(i));
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
     Ok(f64::from(*median).sqrt())
@@ -310,6 +309,7 @@ mod tests {
         assert_eq!(count(Neighborhood::Radius(2.5)), [2, 3, 2, 1]);
         assert_eq!(count(Neighborhood::Hybrid { radius: 9.5, max: 3 }), [3, 3, 3, 3]);
         assert_eq!(resolution(&points).unwrap(), 2.0);
+        assert_eq!(resolution(&[points, points, points].concat()).unwrap(), 2.0);
     }
 
     #[test]

@@ -218,3 +218,69 @@ fn the_readmes_commands_run() {
         assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
     }
 }
+
+#[test]
+fn outputs_never_cost_an_input_or_the_answer() {
+    let folder = demo();
+    let before = std::fs::read(folder.path().join("pair/source.pcd")).unwrap();
+    for outputs in [
+        "--output pair/source.pcd",
+        "--output pair/../pair/target.pcd",
+        "--output a.txt --write-aligned ./a.txt",
+        "--output nowhere/a.txt",
+        "--write-aligned nowhere/a.ply",
+        "--output pair",
+    ] {
+        let command = format!("register pair/source.pcd pair/target.pcd {outputs}");
+        let output = cfreg(folder.path(), &command);
+        assert_eq!(code(&output), 2, "{outputs}: {}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{outputs}");
+    }
+    assert_eq!(std::fs::read(folder.path().join("pair/source.pcd")).unwrap(), before);
+    let output = cfreg(folder.path(), "convert pair/target.pcd s.ply");
+    assert!(stderr(&output).contains("--orientation"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_printed_matrix_keeps_every_digit() {
+    let folder = demo();
+    let output = cfreg(folder.path(), "register pair/source.pcd pair/target.pcd --output T.txt");
+    std::fs::write(folder.path().join("printed.txt"), &output.stdout).unwrap();
+    let read = |name: &str| cfreg::io::read_transform(folder.path().join(name)).unwrap();
+    assert_eq!(read("printed.txt"), read("T.txt"));
+}
+
+#[test]
+fn counts_beyond_reason_are_refused() {
+    let folder = demo();
+    for command in [
+        "demo --points 10000000000000000000",
+        "demo --points -3",
+        "register pair/source.pcd pair/target.pcd --normalize sinkhorn:1000000000",
+        "register pair/source.pcd pair/target.pcd --sample -3",
+        "accuracy pair/source.pcd --points 2",
+    ] {
+        let output = cfreg(folder.path(), command);
+        assert_eq!(code(&output), 2, "{command}: {}", stderr(&output));
+        assert!(!stderr(&output).contains("panicked") && !stderr(&output).contains("tip:"));
+    }
+    let plane: String = (0..900).map(|i| format!("{} {} 5\n", i % 30, i / 30)).collect();
+    std::fs::write(folder.path().join("plane.xyz"), plane).unwrap();
+    let output = cfreg(folder.path(), "accuracy plane.xyz --trials 2");
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_error_does_not_cost_the_answer() {
+    let folder = demo();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_cfreg"))
+        .args(["register", "pair/source.pcd", "pair/target.pcd"])
+        .current_dir(folder.path())
+        .stderr(full)
+        .output()
+        .unwrap();
+    assert_eq!(code(&output), 0);
+    assert!(!output.stdout.is_empty());
+}

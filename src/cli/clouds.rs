@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::Thinning;
-use super::{Outcome, print, print_json};
+use super::{Outcome, outputs, print, print_json, say};
 use crate::error::Result;
 use crate::{io, search};
 
@@ -102,12 +102,20 @@ pub(super) struct Convert {
 impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
+        outputs::check(&[], &[("output", Some(&self.output))])?;
         let mut cloud = self.thinning.read(&self.input, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }
         io::write(&self.output, &cloud)?;
-        eprintln!("cfreg: wrote {} points to {}", cloud.len(), self.output.display());
+        say(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
+        let kept = self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("pcd"));
+        if let Some(at) = cloud.viewpoint().filter(|_| !kept) {
+            say(&format!(
+                "cfreg: only PCD keeps a viewpoint: register with --orientation {},{},{}\n",
+                at[0], at[1], at[2]
+            ));
+        }
         Ok(Outcome::Trusted)
     }
 }

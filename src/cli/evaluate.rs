@@ -23,7 +23,7 @@ pub(super) struct Evaluate {
     /// True pose, if known
     #[arg(long, value_name = "GT.txt")]
     truth: Option<PathBuf>,
-    /// Largest distance that counts as an inlier [default: 3 times the coarser cloud's
+    /// Largest distance that counts as an inlier [default: 2 times the coarser cloud's
     /// resolution]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     max_distance: Option<f64>,

@@ -6,6 +6,7 @@
 mod clouds;
 mod evaluate;
 mod options;
+mod outputs;
 mod register;
 mod trials;
 
@@ -50,6 +51,7 @@ enum Command {
 enum Outcome {
     Trusted,
     Doubted,
+    NoAnswer,
 }
 
 /// Runs the command line of this process.
@@ -65,15 +67,21 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Trusted) => ExitCode::SUCCESS,
         Ok(Outcome::Doubted) => ExitCode::from(1),
+        Ok(Outcome::NoAnswer) => ExitCode::from(2),
         // The reader of a pipe has seen enough: no reason to complain.
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::SUCCESS
         }
         Err(error) => {
-            eprintln!("cfreg: {error}");
+            say(&format!("cfreg: {error}\n"));
             ExitCode::from(2)
         }
     }
+}
+
+/// Writes `text` to stderr. Words that cannot be said must not cost the answer.
+fn say(text: &str) {
+    let _ = io::stderr().write_all(text.as_bytes());
 }
 
 /// Writes `text` to stdout.
@@ -89,10 +97,13 @@ fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&(text + "\n"))
 }
 
-/// A 4×4 matrix as four lines.
+/// A 4×4 matrix as four lines, every digit kept: what `evaluate --transform` reads.
 fn matrix_text(matrix: &[[f64; 4]; 4]) -> String {
-    let line = |row: &[f64; 4]| row.map(|x| format!("{x:>13.6}")).join(" ") + "\n";
-    matrix.iter().map(line).collect()
+    // Adding zero turns -0 into 0.
+    let words = matrix.map(|row| row.map(|x| format!("{:?}", x + 0.0)));
+    let width = words.as_flattened().iter().map(String::len).max().unwrap_or(0);
+    let line = |row: &[String; 4]| row.each_ref().map(|x| format!("{x:>width$}")).join(" ") + "\n";
+    words.iter().map(line).collect()
 }
 
 /// A progress bar on stderr over `length` steps (0: a spinner); silent when stderr is no

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::say;
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
@@ -21,10 +22,10 @@ pub(super) struct Thinning {
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     voxel: Option<f64>,
     /// Keep this many points, drawn at random (after --voxel)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     sample: Option<usize>,
     /// Seed of --sample; the two clouds of a pair are drawn independently
-    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(long, value_name = "S", default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
 }
 
@@ -34,7 +35,8 @@ impl Thinning {
         let cloud = io::read(path)?;
         if cloud.dropped() > 0 {
             let (path, dropped) = (path.display(), cloud.dropped());
-            eprintln!("cfreg: {path}: left out {dropped} points with NaN or infinite coordinates");
+            let what = "points with NaN or infinite coordinates";
+            say(&format!("cfreg: {path}: left out {dropped} {what}\n"));
         }
         self.apply(cloud, stream)
     }
@@ -61,13 +63,13 @@ pub(super) struct MethodOptions {
     method: String,
     /// Nearest points that describe a point, itself included; clouds with fewer use all
     /// [default: 150]
-    #[arg(long, value_name = "K", conflicts_with = "radius")]
+    #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
     neighbors: Option<usize>,
     /// Describe by all points within this radius instead, in the unit of the coordinates
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     radius: Option<f64>,
     /// Nearest points for normals [default: as for descriptors]
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,
     /// Where normals point: viewpoint, outward, stored, or x,y,z to look towards
     /// [default: viewpoint]
@@ -95,7 +97,7 @@ pub(super) struct MethodOptions {
     #[arg(long)]
     scale: Option<ScaleEstimate>,
     /// Threads, 0 for all cores; never changes the result [default: 0]
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 }
 

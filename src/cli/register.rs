@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::{MethodOptions, Thinning};
-use super::{Outcome, matrix_text, print, print_json, progress};
+use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::method::{Register as _, Registration};
@@ -50,6 +50,9 @@ impl Register {
         if let Some(path) = &self.write_aligned {
             io::writable(path)?;
         }
+        let outputs =
+            [("output", self.output.as_deref()), ("write-aligned", self.write_aligned.as_deref())];
+        outputs::check(&[&self.source, &self.target], &outputs)?;
         let threads = self.method.threads.unwrap_or(0);
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
@@ -72,7 +75,10 @@ impl Register {
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
         for doubt in &registration.doubts {
-            eprintln!("cfreg: not to be trusted: {doubt}");
+            say(&format!("cfreg: not to be trusted: {doubt}\n"));
+        }
+        if !registration.trusted {
+            say("cfreg: try --normalize both, another --voxel, or --orientation (see --help)\n");
         }
         if self.json {
             print_json(&Answer {
@@ -82,7 +88,7 @@ impl Register {
                 thinning: &self.thinning,
             })?;
         } else {
-            eprint!("{}", summary(&registration));
+            say(&summary(&registration));
             print(&matrix_text(&registration.transform.matrix()))?;
         }
         Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })

@@ -116,7 +116,7 @@ impl Report {
 /// is moved, `method` finds the motion. `progress` is called after every trial.
 ///
 /// # Errors
-/// [`Error::Config`] for no trials, [`Error::TooFewPoints`] when the model has fewer
+/// [`Error::Config`] for no trials or samples below three points, [`Error::TooFewPoints`] when the model has fewer
 /// points than a sample. A trial without an answer is counted, not an error.
 pub fn run(
     model: &PointCloud,
@@ -126,6 +126,9 @@ pub fn run(
 ) -> Result<Report> {
     if protocol.trials == 0 {
         return Err(Error::config("trials", 0, "must be at least 1"));
+    }
+    if protocol.points < 3 {
+        return Err(Error::config("points", protocol.points, "must be at least 3"));
     }
     if model.len() < protocol.points {
         let (found, needed) = (model.len(), protocol.points);

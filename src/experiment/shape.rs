@@ -7,6 +7,9 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
+/// Most points that are sampled: 2 GB of them.
+pub const MOST_POINTS: usize = 50_000_000;
+
 /// A triangle mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
@@ -21,9 +24,13 @@ impl Mesh {
     /// draws the same points on every machine.
     ///
     /// # Errors
-    /// [`Error::Shape`] when a face names a vertex that is not there;
+    /// [`Error::Config`] for more than [`MOST_POINTS`]; [`Error::Shape`] when a face names a vertex that is not there;
     /// [`Error::TooFewPoints`] when the faces have no area.
     pub fn sample(&self, count: usize, seed: u64) -> Result<PointCloud> {
+        if count > MOST_POINTS {
+            let rule = format!("must be at most {MOST_POINTS}");
+            return Err(Error::config("points", count, rule));
+        }
         let n = self.vertices.len();
         if let Some(&found) = self.faces.as_flattened().iter().find(|&&v| v as usize >= n) {
             let what = "a vertex named by a face".into();

@@ -9,7 +9,7 @@ use crate::par;
 use crate::search::{self, SearchTree};
 
 /// Default inlier distance, in resolutions of the coarser cloud.
-pub const DISTANCE_IN_RESOLUTIONS: f64 = 3.0;
+pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
 
 /// Agreement of two clouds under a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -138,7 +138,7 @@ mod tests {
         let shifted = Transform::rigid(math::IDENTITY, [35.25, 0.0, 0.0]);
         let found = evaluate(&short, &long, &shifted, 0.5).unwrap();
         assert_eq!((found.fitness, found.inlier_rmse), (0.5, 0.25));
-        assert_eq!(default_distance(&short, &long, 1.0).unwrap(), 3.0);
+        assert_eq!(default_distance(&short, &long, 1.0).unwrap(), 2.0);
     }
 
     #[test]

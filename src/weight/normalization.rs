@@ -31,6 +31,9 @@ pub enum Normalization {
     Sinkhorn(u32),
 }
 
+/// Most rounds of [`Normalization::Sinkhorn`]: two passes each.
+const MOST_ROUNDS: u32 = 1000;
+
 impl Normalization {
     /// The names `--normalize` takes.
     pub const NAMES: [&'static str; 5] = ["none", "source", "target", "both", "sinkhorn:N"];
@@ -53,7 +56,8 @@ impl FromStr for Normalization {
 
     fn from_str(text: &str) -> Result<Self> {
         let unknown = || {
-            let rule = format!("must be one of {} with N from 1", Self::NAMES.join(", "));
+            let rule =
+                format!("must be one of {} with N from 1 to {MOST_ROUNDS}", Self::NAMES.join(", "));
             Error::config("normalize", text, rule)
         };
         match text {
@@ -63,7 +67,10 @@ impl FromStr for Normalization {
             "both" => Ok(Normalization::Both),
             _ => {
                 let rounds = text.strip_prefix("sinkhorn:").and_then(|n| n.parse().ok());
-                rounds.filter(|&n| n > 0).map(Normalization::Sinkhorn).ok_or_else(unknown)
+                rounds
+                    .filter(|n| (1..=MOST_ROUNDS).contains(n))
+                    .map(Normalization::Sinkhorn)
+                    .ok_or_else(unknown)
             }
         }
     }
@@ -91,7 +98,9 @@ mod tests {
         for name in ["none", "source", "target", "both", "sinkhorn:7"] {
             assert_eq!(name.parse::<Normalization>().unwrap().to_string(), name);
         }
-        for name in ["", "rows", "sinkhorn", "sinkhorn:0", "sinkhorn:-1", "sinkhorn:x"] {
+        for name in
+            ["", "rows", "sinkhorn", "sinkhorn:0", "sinkhorn:-1", "sinkhorn:x", "sinkhorn:1001"]
+        {
             assert!(matches!(name.parse::<Normalization>(), Err(Error::Config { .. })), "{name}");
         }
     }
