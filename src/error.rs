@@ -48,6 +48,17 @@ pub enum Error {
         found: usize,
     },
 
+    /// A setting given by name that the method does not have, or of the wrong kind.
+    #[error("{name} = {value}: {rule}")]
+    Setting {
+        /// The name as it was given.
+        name: String,
+        /// The value as JSON.
+        value: String,
+        /// What would be right.
+        rule: String,
+    },
+
     /// The coordinates span more, or less, than f32 squared distances can hold.
     #[error(
         "coordinates span {extent:e} units, spans between 1e-15 and 1e15 can be computed with: \

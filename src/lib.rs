@@ -9,6 +9,7 @@ pub mod error;
 pub mod experiment;
 pub mod filter;
 pub mod io;
+pub mod keypoint;
 pub mod math;
 pub mod method;
 pub mod moments;

@@ -254,7 +254,7 @@ fn a_real_scan_gives_the_papers_accuracy() {
     let Some(data) = common::shared_data() else { return };
     let model = cfreg::io::read(data.join("stanford_bunny/bun000.ply")).unwrap();
     let protocol = cfreg::experiment::accuracy::Protocol { trials: 30, ..Default::default() };
-    let method = "cf".parse().unwrap();
+    let method: cfreg::method::Method = "cf".parse().unwrap();
     let report = cfreg::experiment::accuracy::run(&model, &method, protocol, |_| {}).unwrap();
     let (mean, _) = report.statistics(|error| error.rotation_frobenius);
     // Table II, bunny, large rotation: 0.18 ± 0.14.

@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use clap::Args;
+use serde_json::{Value, json};
 
 use super::say;
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
-use crate::method::{Cf, Describe, Method};
-use crate::normals::Orientation;
+use crate::method::{Chain, Method};
 use crate::pose::{ScaleEstimate, Solver};
-use crate::search::Neighborhood;
 use crate::weight::{Normalization, WeightScheme};
 use crate::{filter, io};
 
@@ -58,9 +57,15 @@ impl Thinning {
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
 pub(super) struct MethodOptions {
-    /// Registration method: cf (the paper's full connection)
+    /// Registration method: cf (the paper's full connection), cfk (of keypoints), teaser;
+    /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
+    /// kc, cpd, dare
     #[arg(long, default_value = "cf")]
     method: String,
+    /// Refine the pose by these, one after the other: icp, icp-paper,
+    /// plane-icp, gicp, kc, cpd, dare
+    #[arg(long, value_name = "METHOD,..", value_delimiter = ',')]
+    refine: Vec<String>,
     /// Nearest points that describe a point, itself included; clouds with fewer use all
     /// [default: 150]
     #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
@@ -96,64 +101,84 @@ pub(super) struct MethodOptions {
     /// Estimate a scale: fixed, umeyama, symmetric [default: fixed]
     #[arg(long)]
     scale: Option<ScaleEstimate>,
+    /// Any other setting of the method, by its name in the `config` of --json; or, with
+    /// the name of a refinement in front, of that: --set icp.max_distance=0.05
+    #[arg(long, value_name = "[METHOD.]NAME=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
     /// Threads, 0 for all cores; never changes the result [default: 0]
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 }
 
 impl MethodOptions {
-    /// What was typed, laid over the method's defaults.
-    pub(super) fn method(&self) -> Result<Method> {
-        match self.method.parse()? {
-            Method::Cf(cf) => Ok(Method::Cf(self.cf(cf)?)),
+    /// What was typed, laid over the defaults of method and refinements.
+    pub(super) fn method(&self) -> Result<Chain> {
+        let mut method: Method = self.method.parse()?;
+        let mut refinements =
+            self.refine.iter().map(|name| name.parse()).collect::<Result<Vec<Method>>>()?;
+        if let Some(threads) = self.threads {
+            for refinement in &mut refinements {
+                *refinement = refinement.clone().with([("threads", threads.into())])?;
+            }
         }
+        method = method.with(self.flags())?;
+        for text in &self.set {
+            let (name, value) = assignment(text)?;
+            let owner = name.split_once('.').and_then(|(owner, field)| {
+                let at = self.refine.iter().position(|refine| refine == owner)?;
+                Some((at, field))
+            });
+            match owner {
+                Some((at, field)) => {
+                    refinements[at] = refinements[at].clone().with([(field, value)])?;
+                }
+                None => method = method.with([(name, value)])?,
+            }
+        }
+        Chain::new(method, refinements)
     }
 
-    fn cf(&self, default: Cf) -> Result<Cf> {
-        let base = default.describe;
-        let neighborhood = match (self.radius, self.neighbors) {
-            (Some(radius), _) => Neighborhood::Radius(radius),
-            (None, Some(k)) => Neighborhood::Nearest(k),
-            (None, None) => base.neighborhood,
-        };
-        let orientation = match &self.orientation {
-            Some(text) => orientation(text)?,
-            None => base.orientation,
-        };
-        let describe = Describe {
-            neighborhood,
-            normal_neighborhood: self
-                .normal_neighbors
-                .map(Neighborhood::Nearest)
-                .or(base.normal_neighborhood),
-            orientation,
-            histogram: self.histogram.unwrap_or(base.histogram),
-        };
-        Ok(Cf {
-            describe,
-            weights: self.weights.unwrap_or(default.weights),
-            beta: self.beta.or(default.beta),
-            normalization: self.normalize.unwrap_or(default.normalization),
-            solver: self.solver.unwrap_or(default.solver),
-            scale: self.scale.unwrap_or(default.scale),
-            threads: self.threads.unwrap_or(default.threads),
-        })
+    /// The flags that were typed, as settings by name.
+    fn flags(&self) -> Vec<(&'static str, Value)> {
+        let mut flags = Vec::new();
+        let mut add = |name, value: Option<Value>| flags.extend(value.map(|value| (name, value)));
+        add("neighbors", self.neighbors.map(Value::from));
+        add("radius", self.radius.map(number));
+        add("normal_neighbors", self.normal_neighbors.map(Value::from));
+        if let Some(text) = &self.orientation {
+            let (name, value) = orientation(text);
+            add(name, Some(value));
+        }
+        add("histogram", self.histogram.map(|histogram| json!(histogram)));
+        add("weights", self.weights.map(|weights| json!(weights)));
+        add("beta", self.beta.map(number));
+        add("normalize", self.normalize.map(|normalize| json!(normalize)));
+        add("solver", self.solver.map(|solver| json!(solver)));
+        add("scale", self.scale.map(|scale| json!(scale)));
+        add("threads", self.threads.map(Value::from));
+        flags
     }
 }
 
-fn orientation(text: &str) -> Result<Orientation> {
-    match text {
-        "viewpoint" => return Ok(Orientation::Viewpoint),
-        "outward" => return Ok(Orientation::Outward),
-        "stored" => return Ok(Orientation::Stored),
-        _ => {}
-    }
+/// JSON knows neither NaN nor infinity; as words the setting refuses them.
+fn number(value: f64) -> Value {
+    if value.is_finite() { value.into() } else { value.to_string().into() }
+}
+
+/// `NAME=VALUE`, the value as JSON where it is, else as a string.
+fn assignment(text: &str) -> Result<(&str, Value)> {
+    let Some((name, value)) = text.split_once('=') else {
+        return Err(Error::config("set", text, "must be NAME=VALUE"));
+    };
+    let parsed = serde_json::from_str(value).unwrap_or_else(|_| Value::from(value));
+    Ok((name.trim(), parsed))
+}
+
+/// Three numbers are a viewpoint, anything else the name of a rule.
+fn orientation(text: &str) -> (&'static str, Value) {
     let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some(&[x, y, z]) => Ok(Orientation::Towards([x, y, z])),
-        _ => {
-            let rule = "must be viewpoint, outward, stored or three numbers x,y,z";
-            Err(Error::config("orientation", text, rule))
-        }
+    match numbers {
+        Some(numbers) if numbers.len() == 3 => ("viewpoint", json!(numbers)),
+        _ => ("orientation", text.into()),
     }
 }

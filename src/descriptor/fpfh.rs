@@ -79,11 +79,36 @@ pub fn fpfh(
     neighbors: &Neighbors,
     scale: HistogramScale,
 ) -> Result<Descriptors> {
+    let rows: Vec<usize> = (0..points.len()).collect();
+    fpfh_at(points, normals, neighbors, &rows, scale)
+}
+
+/// FPFH of the points named by `rows` alone, in that order, from all points around them:
+/// the same bits as those rows of [`fpfh`]. Simple histograms are made where needed.
+///
+/// # Errors
+/// As [`fpfh`], and [`Error::Shape`] for a row that is not a point.
+pub fn fpfh_at(
+    points: &[[f32; 3]],
+    normals: &[[f32; 3]],
+    neighbors: &Neighbors,
+    rows: &[usize],
+    scale: HistogramScale,
+) -> Result<Descriptors> {
     for (what, found) in [("normals", normals.len()), ("neighbourhoods", neighbors.len())] {
         if found != points.len() {
             let what = format!("{what} for the points of a cloud");
             return Err(Error::Shape { what, expected: points.len(), found });
         }
+    }
+    if let Some(&found) = rows.iter().find(|&&row| row >= points.len()) {
+        let what = "a point to be described".into();
+        return Err(Error::Shape { what, expected: points.len(), found });
+    }
+    let mut needed = vec![false; points.len()];
+    for &i in rows {
+        needed[i] = true;
+        neighbors.of(i).iter().for_each(|neighbor| needed[neighbor.index as usize] = true);
     }
     let mut simple = vec![0.0f32; points.len() * BINS];
     par::for_each_row(
@@ -91,16 +116,18 @@ pub fn fpfh(
         BINS,
         || (),
         |_, i, row| {
-            simple_histograms(points, normals, neighbors, i, row);
+            if needed[i] {
+                simple_histograms(points, normals, neighbors, i, row);
+            }
         },
     );
-    let mut full = vec![0.0f32; points.len() * BINS];
+    let mut full = vec![0.0f32; rows.len() * BINS];
     par::for_each_row(
         &mut full,
         BINS,
         || (),
         |_, i, row| {
-            weighted_histograms(&simple, neighbors, scale, i, row);
+            weighted_histograms(&simple, neighbors, scale, rows[i], row);
         },
     );
     Descriptors::new(BINS, full)
@@ -204,6 +231,20 @@ mod tests {
                     assert!(block.iter().all(|bin| *bin >= 0.0));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn chosen_rows_are_those_of_all_to_the_bit() {
+        let (points, normals) = bumpy();
+        let rows = [0, 7, 299, 120, 7];
+        for scale in [HistogramScale::Pcl, HistogramScale::Open3d] {
+            let neighbors = Neighbors::find(&points, Neighborhood::Nearest(30)).unwrap();
+            let some = fpfh_at(&points, &normals, &neighbors, &rows, scale).unwrap();
+            let all = fpfh(&points, &normals, &neighbors, scale).unwrap();
+            assert_eq!(some, all.select(&rows));
+            let lost = fpfh_at(&points, &normals, &neighbors, &[300], scale);
+            assert!(matches!(lost, Err(Error::Shape { found: 300, .. })));
         }
     }
 

@@ -3,4 +3,4 @@
 mod fpfh;
 mod pair;
 
-pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh};
+pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh, fpfh_at};

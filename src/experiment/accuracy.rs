@@ -12,7 +12,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math;
-use crate::method::{Method, Register};
+use crate::method::Register;
 use crate::quality::{TruthError, truth_error};
 
 /// Which of the paper's two kinds of motion.
@@ -120,7 +120,7 @@ impl Report {
 /// points than a sample. A trial without an answer is counted, not an error.
 pub fn run(
     model: &PointCloud,
-    method: &Method,
+    method: &dyn Register,
     protocol: Protocol,
     mut progress: impl FnMut(usize),
 ) -> Result<Report> {

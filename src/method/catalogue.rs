@@ -4,7 +4,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Cf, Register, Registration};
+use super::{
+    Cf, Cfk, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration, Teaser,
+};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 
@@ -16,16 +18,58 @@ use crate::error::{Error, Result};
 pub enum Method {
     /// The paper's full connection: [`Cf`].
     Cf(Cf),
+    /// The full connection of keypoints: [`Cfk`].
+    Cfk(Cfk),
+    /// Iterative closest point: [`Icp`].
+    Icp(Icp),
+    /// Kernel Correlation: [`KernelCorrelation`].
+    Kc(KernelCorrelation),
+    /// Coherent Point Drift: [`Cpd`].
+    Cpd(Cpd),
+    /// Density-adaptive registration: [`Dare`].
+    Dare(Dare),
+    /// Truncated least squares on matches: [`Teaser`].
+    Teaser(Teaser),
 }
 
 impl Method {
     /// The names `--method` takes.
-    pub const NAMES: [&'static str; 1] = ["cf"];
+    pub const NAMES: [&'static str; 10] =
+        ["cf", "cfk", "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
 
     /// The method's name.
     pub fn name(&self) -> &'static str {
         match self {
             Method::Cf(_) => "cf",
+            Method::Cfk(_) => "cfk",
+            Method::Icp(icp) => icp.name(),
+            Method::Kc(_) => "kc",
+            Method::Cpd(_) => "cpd",
+            Method::Dare(_) => "dare",
+            Method::Teaser(_) => "teaser",
+        }
+    }
+
+    /// The method as one that starts from a pose; `None` for those that need none.
+    pub fn as_refinement(&self) -> Option<&dyn Refine> {
+        match self {
+            Method::Icp(icp) => Some(icp),
+            Method::Kc(kc) => Some(kc),
+            Method::Cpd(cpd) => Some(cpd),
+            Method::Dare(dare) => Some(dare),
+            Method::Cf(_) | Method::Cfk(_) | Method::Teaser(_) => None,
+        }
+    }
+
+    fn as_register(&self) -> &dyn Register {
+        match self {
+            Method::Cf(method) => method,
+            Method::Cfk(method) => method,
+            Method::Icp(method) => method,
+            Method::Kc(method) => method,
+            Method::Cpd(method) => method,
+            Method::Dare(method) => method,
+            Method::Teaser(method) => method,
         }
     }
 }
@@ -35,20 +79,27 @@ impl FromStr for Method {
 
     /// The method of that name with its defaults.
     fn from_str(name: &str) -> Result<Self> {
-        match name {
-            "cf" => Ok(Method::Cf(Cf::default())),
+        Ok(match name {
+            "cf" => Method::Cf(Cf::default()),
+            "cfk" => Method::Cfk(Cfk::default()),
+            "icp" => Method::Icp(Icp::default()),
+            "icp-paper" => Method::Icp(Icp::paper()),
+            "plane-icp" => Method::Icp(Icp { metric: Metric::Plane, ..Icp::default() }),
+            "gicp" => Method::Icp(Icp { metric: Metric::Generalized, ..Icp::default() }),
+            "kc" => Method::Kc(KernelCorrelation::default()),
+            "cpd" => Method::Cpd(Cpd::default()),
+            "dare" => Method::Dare(Dare::default()),
+            "teaser" => Method::Teaser(Teaser::default()),
             _ => {
                 let rule = format!("must be one of {}", Self::NAMES.join(", "));
-                Err(Error::config("method", name, rule))
+                return Err(Error::config("method", name, rule));
             }
-        }
+        })
     }
 }
 
 impl Register for Method {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        match self {
-            Method::Cf(cf) => cf.register(source, target),
-        }
+        self.as_register().register(source, target)
     }
 }

@@ -3,14 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use super::prepared::Describe;
-use super::registration::{PointCounts, Registration, Timings};
-use super::{Method, Register};
+use super::registration::{Found, PointCounts, Registration, Timings};
+use super::{Method, Register, StopReason};
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::keypoint::Keypoints;
 use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
-use crate::quality;
+use crate::quality::{Doubt, MIN_KEYPOINTS};
 use crate::weight::{self, Normalization, WeightScheme};
 
 /// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
@@ -62,45 +63,52 @@ impl Cf {
         Cf { beta: Some(beta), ..self.clone() }
     }
 
-    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+    /// Registers all points, or the keypoints of `detector`; `named` is the method that
+    /// asks, with its resolved settings.
+    pub(super) fn run(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        detector: Option<&Keypoints>,
+        named: Method,
+    ) -> Result<Registration> {
         let config = self.resolved();
         let beta = config.beta.unwrap_or_default();
         weight::check_beta(beta)?;
         let mut times = Timings::default();
-        let source_side = self.describe.prepare(source, "the source", &mut times)?;
-        let target_side = self.describe.prepare(target, "the target", &mut times)?;
+        let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
+        let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
         let (connection, moments) = times.time("moments", || {
             let connection = FullConnection::new(source_side.described(), target_side.described())?;
             let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
             Ok::<_, crate::Error>((connection, moments))
         })?;
         let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
-        let transform = solution.transform;
-        let evaluation = times.time("evaluate", || {
-            let distance = quality::default_distance(source, target, transform.scale)?;
-            quality::evaluate(source, target, &transform, distance)
-        })?;
-        let doubts = quality::doubts(&evaluation, solution.singular_values);
-        Ok(Registration {
-            transform,
-            method: "cf",
-            trusted: doubts.is_empty(),
-            doubts,
-            evaluation,
-            weighted_rms: (moments.residual(&transform) / moments.weight).sqrt(),
-            connections: connection.pairs(),
-            effective_connections: moments.effective_connections(),
-            singular_values: solution.singular_values,
+        let points = PointCounts { source: source_side.counts(), target: target_side.counts() };
+        let fewest = points.source.described.min(points.target.described);
+        let few = detector.is_some() && fewest < MIN_KEYPOINTS;
+        let doubt = Doubt::FewKeypoints { found: fewest, needed: MIN_KEYPOINTS };
+        let found = Found {
+            transform: solution.transform,
             moments,
-            points: PointCounts { source: source_side.counts(), target: target_side.counts() },
-            time_s: times,
-            config: Method::Cf(config),
-        })
+            singular_values: solution.singular_values,
+            connections: connection.pairs(),
+            iterations: 1,
+            stop: StopReason::OneStep,
+            trace: Vec::new(),
+            points,
+            times,
+            config: named,
+            doubts: few.then_some(doubt).into_iter().collect(),
+        };
+        Registration::conclude(found, source, target)
     }
 }
 
 impl Register for Cf {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        par::with_threads(self.threads, || self.run(source, target))?
+        par::with_threads(self.threads, || {
+            self.run(source, target, None, Method::Cf(self.resolved()))
+        })?
     }
 }

@@ -1,19 +1,38 @@
 //! Registration methods: weights on the full connection, one closed-form solve.
 //!
-//! Everything that registers implements [`Register`]; what has a name is in the catalogue
-//! [`Method`]. An answer is a [`Registration`].
+//! Everything that registers implements [`Register`]; what starts from a pose implements
+//! [`Refine`] too; what has a name is in the catalogue [`Method`]. An answer is a
+//! [`Registration`].
 
 mod catalogue;
 mod cf;
+mod cfk;
+mod chain;
+mod cpd;
+mod dare;
+mod icp;
+mod kernel_correlation;
+mod positions;
 mod prepared;
 mod registration;
+mod schedule;
+mod settings;
+mod teaser;
 
 pub use catalogue::Method;
 pub use cf::Cf;
+pub use cfk::Cfk;
+pub use chain::Chain;
+pub use cpd::Cpd;
+pub use dare::Dare;
+pub use icp::{Icp, Metric};
+pub use kernel_correlation::KernelCorrelation;
 pub use prepared::{Describe, Prepared};
 pub use registration::{Counts, PointCounts, Registration, Timings};
+pub use schedule::{Step, StopReason};
+pub use teaser::Teaser;
 
-use crate::cloud::PointCloud;
+use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 
 /// Something that finds the pose of one cloud in another.
@@ -26,4 +45,19 @@ pub trait Register: Send + Sync {
     /// When no answer can be computed; an answer that is not to be trusted is `Ok` with
     /// its [`doubts`](Registration::doubts).
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration>;
+}
+
+/// Something that improves a pose: weights by position under the current pose, solved,
+/// again and again. As [`Register`] it starts from the identity.
+pub trait Refine: Register {
+    /// The pose that maps `source` into the frame of `target`, from the guess `initial`.
+    ///
+    /// # Errors
+    /// As [`Register::register`].
+    fn refine(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        initial: &Transform,
+    ) -> Result<Registration>;
 }

@@ -4,8 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::registration::{Counts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
-use crate::descriptor::{HistogramScale, fpfh};
+use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
+use crate::keypoint::Keypoints;
 use crate::moments::Described;
 use crate::normals::{self, Orientation};
 use crate::search::{Neighborhood, Neighbors};
@@ -65,6 +66,22 @@ impl Describe {
     /// point has a defined normal (all on a line or in one place), and those of
     /// [`normals::estimate`].
     pub fn prepare(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<Prepared> {
+        self.prepare_at(cloud, name, None, times)
+    }
+
+    /// The same for the points that `detector` finds: they alone are described, from all
+    /// points around them.
+    ///
+    /// # Errors
+    /// Those of [`prepare`](Self::prepare) and [`Keypoints::detect`];
+    /// [`Error::TooFewPoints`] for fewer than three keypoints with a descriptor.
+    pub fn prepare_at(
+        &self,
+        cloud: &PointCloud,
+        name: &str,
+        detector: Option<&Keypoints>,
+        times: &mut Timings,
+    ) -> Result<Prepared> {
         self.validate()?;
         let points = cloud.points();
         if points.len() < 3 {
@@ -96,26 +113,49 @@ impl Describe {
             }
             return Err(Error::Degenerate { rank: 1, singular_values: [0.0; 3] });
         }
-        let descriptors = times
-            .time("descriptors", || fpfh(points, &normals.vectors, &neighbors, self.histogram))?;
-        let defined = |&i: &usize| {
-            normals.vectors[i] != [0.0; 3] && descriptors.row(i).iter().any(|&bin| bin != 0.0)
+        let rows = match detector {
+            None => (0..points.len()).collect(),
+            Some(detector) => times.time("keypoints", || {
+                // Stored normals come without curvature.
+                let viewpoint = Orientation::Viewpoint;
+                let estimated = match normals.curvature.is_empty() {
+                    true => Some(normals::estimate(cloud, &neighbors, viewpoint)?),
+                    false => None,
+                };
+                detector.detect(points, &estimated.as_ref().unwrap_or(&normals).curvature)
+            })?,
         };
-        let described: Vec<usize> = (0..points.len()).filter(defined).collect();
+        let descriptors = times.time("descriptors", || {
+            fpfh_at(points, &normals.vectors, &neighbors, &rows, self.histogram)
+        })?;
+        let defined = |&at: &usize| {
+            normals.vectors[rows[at]] != [0.0; 3]
+                && descriptors.row(at).iter().any(|&bin| bin != 0.0)
+        };
+        let described: Vec<usize> = (0..rows.len()).filter(defined).collect();
+        if let Some(detector) = detector.filter(|_| described.len() < 3) {
+            let what = format!(
+                "{name}, by the keypoint detector {} (lower its thresholds, choose another, or \
+                 use cf)",
+                detector.name()
+            );
+            return Err(Error::TooFewPoints { what, found: described.len(), needed: 3 });
+        }
         let neighbors = match self.neighborhood {
             Neighborhood::Nearest(k) => Some(k.min(points.len())),
             Neighborhood::Radius(_) | Neighborhood::Hybrid { .. } => None,
         };
         Ok(Prepared {
-            points: described.iter().map(|&i| points[i]).collect(),
+            points: described.iter().map(|&at| points[rows[at]]).collect(),
             origin: cloud.origin(),
             descriptors: descriptors.select(&described),
             counts: Counts {
                 dropped: cloud.dropped(),
                 used: points.len(),
+                keypoints: detector.map(|_| rows.len()),
                 described: described.len(),
                 neighbors,
-                oriented_by: normals.oriented_by,
+                oriented_by: Some(normals.oriented_by),
             },
         })
     }

@@ -6,10 +6,12 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::Method;
-use crate::cloud::Transform;
+use super::schedule::{Step, StopReason};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
-use crate::quality::{Doubt, Evaluation};
+use crate::quality::{self, Doubt, Evaluation};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
@@ -39,14 +41,83 @@ pub struct Registration {
     /// spread, in [0, 1], descending: how strongly, and in how many directions, the
     /// weights tie the clouds together.
     pub singular_values: [f64; 3],
-    /// The moments that were solved.
+    /// The moments that were solved last.
     pub moments: Moments,
+    /// How often weights were made and solved; 1 for the methods of one step.
+    pub iterations: u32,
+    /// What ended the iterations.
+    pub stop: StopReason,
+    /// Every iteration, where the configuration asks for a trace; else empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub trace: Vec<Step>,
     /// Points of both clouds, from file to solve.
     pub points: PointCounts,
     /// Wall-clock seconds of each stage, in the order in which they ran, and in total.
     pub time_s: Timings,
     /// The method and every setting that was in force, defaults filled in.
     pub config: Method,
+    /// The registration that was refined, when this is a refinement.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refined_from: Option<Box<Registration>>,
+}
+
+/// What a method knows at its end; [`Registration::conclude`] looks at the clouds under
+/// the pose and adds the verdict.
+pub(super) struct Found {
+    pub(super) transform: Transform,
+    pub(super) moments: Moments,
+    pub(super) singular_values: [f64; 3],
+    pub(super) connections: u64,
+    pub(super) iterations: u32,
+    pub(super) stop: StopReason,
+    pub(super) trace: Vec<Step>,
+    pub(super) points: PointCounts,
+    pub(super) times: Timings,
+    /// With defaults filled in.
+    pub(super) config: Method,
+    /// Grounds that the method itself has; those of every pose are added.
+    pub(super) doubts: Vec<Doubt>,
+}
+
+impl Registration {
+    /// The registration that was found, with the verdict on it.
+    ///
+    /// # Errors
+    /// Those of [`quality::evaluate`].
+    pub(super) fn conclude(found: Found, source: &PointCloud, target: &PointCloud) -> Result<Self> {
+        let Found { transform, moments, singular_values, mut times, mut doubts, .. } = found;
+        let evaluation = times.time("evaluate", || {
+            let distance = quality::default_distance(source, target, transform.scale)?;
+            quality::evaluate(source, target, &transform, distance)
+        })?;
+        if found.stop == StopReason::IterationLimit {
+            doubts.push(Doubt::NotConverged { iterations: found.iterations });
+        }
+        let needed = match found.config.as_refinement() {
+            Some(_) => quality::MIN_AGREEMENT_BY_POSITION,
+            None => quality::MIN_AGREEMENT,
+        };
+        doubts.extend(quality::doubts(&evaluation, singular_values, needed));
+        Ok(Registration {
+            transform,
+            method: found.config.name(),
+            trusted: doubts.is_empty(),
+            doubts,
+            evaluation,
+            weighted_rms: (moments.residual(&transform) / moments.weight).max(0.0).sqrt(),
+            connections: found.connections,
+            effective_connections: moments.effective_connections(),
+            singular_values,
+            moments,
+            iterations: found.iterations,
+            stop: found.stop,
+            trace: found.trace,
+            points: found.points,
+            time_s: times,
+            config: found.config,
+            refined_from: None,
+        })
+    }
 }
 
 /// Points of the two clouds.
@@ -65,13 +136,30 @@ pub struct Counts {
     pub dropped: usize,
     /// Points handed to the method.
     pub used: usize,
-    /// Points whose descriptor is defined: those that were connected.
+    /// Points found by the keypoint detector; `null` where none was asked for.
+    pub keypoints: Option<usize>,
+    /// Points whose descriptor is defined, and that were connected; all for methods
+    /// that use none.
     pub described: usize,
     /// Points a neighbourhood takes for descriptors: the configured k, or the size of the
     /// cloud if that is smaller. `null` for neighbourhoods by radius.
     pub neighbors: Option<usize>,
-    /// What oriented the normals.
-    pub oriented_by: OrientedBy,
+    /// What oriented the normals; `null` for methods that use none.
+    pub oriented_by: Option<OrientedBy>,
+}
+
+impl Counts {
+    /// Of a cloud whose points are connected as they are.
+    pub(super) fn plain(cloud: &PointCloud) -> Self {
+        Counts {
+            dropped: cloud.dropped(),
+            used: cloud.len(),
+            keypoints: None,
+            described: cloud.len(),
+            neighbors: None,
+            oriented_by: None,
+        }
+    }
 }
 
 /// Names and seconds of stages, in order.
@@ -102,7 +190,7 @@ impl Timings {
 }
 
 impl Serialize for Timings {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(self.0.len() + 1))?;
         for (stage, seconds) in &self.0 {
             map.serialize_entry(stage, seconds)?;

@@ -1,6 +1,6 @@
 //! The full connection between two described clouds, and its moments.
 
-use super::reduce::{MomentSums, RowSums, Targets};
+use super::reduce::{Least, MomentSums, RowSums, Targets};
 use super::sums::Moments;
 use super::tile::{Panels, Rows, SOURCES, Scaling, joint_mean, weigh_block};
 use crate::cloud::Descriptors;
@@ -170,6 +170,26 @@ impl FullConnection {
         scheme.visit(beta, Weigh(self, normalization))?
     }
 
+    /// Moments of `w_ij v_j` for given factors v of the target points: the per-target
+    /// normalisations that need more than the sums, as the outlier term of CPD.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] unless there is one factor a target point, and those of
+    /// [`moments`](Self::moments).
+    pub fn moments_with_factors<K: WeightKernel>(
+        &self,
+        kernel: &K,
+        target_factors: &[f32],
+    ) -> Result<Moments> {
+        let (expected, found) = (self.target.rows.len(), target_factors.len());
+        if expected != found {
+            return Err(Error::Shape { what: "factors of target points".into(), expected, found });
+        }
+        let moments = self.weigh(kernel, Scaling::Target(target_factors));
+        moments.centered()?;
+        Ok(moments)
+    }
+
     /// Σ_j w_ij of every source point.
     pub fn source_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         row_sums(&self.source.rows, &self.target.panels, kernel, Scaling::None)
@@ -178,6 +198,17 @@ impl FullConnection {
     /// Σ_i w_ij of every target point.
     pub fn target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         row_sums(&self.target.rows, &self.source.panels, kernel, Scaling::None)
+    }
+
+    /// Of every source point, the target point with the most similar descriptor; the
+    /// lower index where two are equally near.
+    pub fn nearest_targets(&self) -> Vec<u32> {
+        nearest(&self.source.rows, &self.target.panels)
+    }
+
+    /// Of every target point, the source point with the most similar descriptor.
+    pub fn nearest_sources(&self) -> Vec<u32> {
+        nearest(&self.target.rows, &self.source.panels)
     }
 
     fn weigh<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
@@ -224,6 +255,16 @@ fn row_sums<K: WeightKernel>(
         reducer.sums
     });
     blocks.concat()
+}
+
+fn nearest(rows: &Rows, panels: &Panels) -> Vec<u32> {
+    let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
+        let mut reducer = Least { found: vec![(f32::INFINITY, 0); block.len()] };
+        let distance = |d2: f32| d2;
+        weigh_block(rows, block, panels, &distance, Scaling::None, &mut reducer, tile);
+        reducer.found
+    });
+    blocks.into_iter().flatten().map(|(_, column)| column).collect()
 }
 
 /// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.

@@ -4,15 +4,19 @@
 //! returns [`Moments`], in one fused pass over tiles of the distance matrix: tile
 //! filler → weight → reducer. W is never stored; memory is O(N + M).
 //!
+//! Sparse connections, listed pair by pair, go through [`of_pairs`].
+//!
 //! Floors: the tiles are f32, everything summed over more than one tile is f64, tiles
 //! are cut at fixed places and merged in order, so the bits do not depend on the
 //! number of threads. [`naive`] is the specification: the double loop in f64.
 
 mod connection;
 pub mod naive;
+mod pairs;
 mod reduce;
 mod sums;
 mod tile;
 
 pub use connection::{Described, FullConnection};
+pub use pairs::{WeightedPair, of_pairs};
 pub use sums::{Centered, Moments};

@@ -111,6 +111,24 @@ impl Reducer for RowSums {
     }
 }
 
+/// Least value of each row and the column it is in, the lowest among equals.
+pub(super) struct Least {
+    pub(super) found: Vec<(f32, u32)>,
+}
+
+impl Reducer for Least {
+    #[inline(always)]
+    fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
+        let (mut least, mut column) = self.found[row];
+        for (at, &value) in weights.iter().enumerate() {
+            if value < least {
+                (least, column) = (value, (first + at) as u32);
+            }
+        }
+        self.found[row] = (least, column);
+    }
+}
+
 #[inline(always)]
 fn lane(values: &[f32], at: usize) -> &[f32; LANES] {
     values[at..at + LANES].try_into().expect("the slice has LANES values")

@@ -1,15 +1,15 @@
 //! From two clouds to a pose.
 
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde_json::Value;
 
 use super::arrays::cloud;
 use super::errors::{about, count, exception, released};
-use super::features::describe;
 use crate::error::{Error, Result};
 use crate::math::Vec3;
-use crate::method::{Cf, Method, Register};
+use crate::method::{Cf, Chain, Method, Register};
 
 /// Find the pose of the source in the frame of the target.
 ///
@@ -22,15 +22,19 @@ use crate::method::{Cf, Method, Register};
 /// ----------
 /// source_points, target_points : (N, 3) and (M, 3), float32 or float64, same unit unless
 ///     the scale is estimated; rows that are not finite are left out and counted
-/// method : "cf", the full connection
+/// method : "cf" (the full connection), "cfk" (of keypoints), "teaser"; from the pose in
+///     which the clouds lie: "icp", "gicp", "kc", "cpd", "dare"
 /// neighbors : nearest points of a neighbourhood for normals and descriptors, the point
-///     itself counted, at least 3
-/// beta : squared bandwidth of the weights, 1e-12 to 1e12. None: that of the histogram,
+///     itself counted, at least 3; None, here and below: the method's default
+/// beta : squared bandwidth of the weights, 1e-12 to 1e12. Default that of the histogram,
 ///     100 for "pcl" and 400 for "open3d"
-/// weights, normalize, threads : see moments
+/// weights, normalize : see moments
 /// solver, scale : see solve
 /// histogram : "pcl" or "open3d", see the scale of fpfh
 /// viewpoint : of both clouds, each in its own frame, see estimate_normals
+/// threads : 0 for all cores; never changes the result
+/// refine : methods that start from a pose, one after the other: ["icp", "gicp"]
+/// settings : any other setting of the method, by its name in `config` of the answer
 ///
 /// Returns
 /// -------
@@ -50,8 +54,9 @@ use crate::method::{Cf, Method, Register};
 /// TypeError : not an array of float32 or float64
 #[pyfunction]
 #[pyo3(signature = (
-    source_points, target_points, method="cf", neighbors=150, beta=None, weights="gaussian",
-    normalize="none", solver="arun", scale="fixed", histogram="pcl", viewpoint=None, threads=0,
+    source_points, target_points, method="cf", neighbors=None, beta=None, weights=None,
+    normalize=None, solver=None, scale=None, histogram=None, viewpoint=None, threads=None,
+    refine=None, **settings,
 ))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register<'py>(
@@ -68,22 +73,45 @@ pub(super) fn register<'py>(
     histogram: Option<&str>,
     viewpoint: Option<Vec3>,
     threads: Option<i64>,
+    refine: Option<Vec<String>>,
+    settings: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let mut method: Method = method.parse().map_err(exception)?;
-    match &mut method {
-        Method::Cf(chosen) => {
-            let mut config = cf(weights, beta, normalize, solver, scale, threads)?;
-            config.describe = describe(neighbors, viewpoint)?;
-            set(&mut config.describe.histogram, histogram).map_err(exception)?;
-            *chosen = config;
-        }
-    }
+    let given = [
+        ("neighbors", count("neighbors", neighbors)?.map(Value::from)),
+        ("beta", beta.map(number)),
+        ("weights", weights.map(Value::from)),
+        ("normalize", normalize.map(Value::from)),
+        ("solver", solver.map(Value::from)),
+        ("scale", scale.map(Value::from)),
+        ("histogram", histogram.map(Value::from)),
+        ("viewpoint", viewpoint.map(|at| Value::from(at.map(number).to_vec()))),
+        ("threads", count("threads", threads)?.map(Value::from)),
+    ];
+    let given = given.into_iter().filter_map(|(name, value)| value.map(|value| (name, value)));
+    let others = settings.map_or(Ok(Value::Null), |settings| json(py, settings))?;
+    let others = others.as_object().into_iter().flatten();
+    let others = others.map(|(name, value)| (name.as_str(), value.clone()));
+    let method: Method = method.parse().map_err(exception)?;
+    let method = method.with(given.chain(others)).map_err(exception)?;
+    let refinements = refine.iter().flatten().map(|name| name.parse()).collect::<Result<_>>();
+    let chain = Chain::new(method, refinements.map_err(exception)?).map_err(exception)?;
     let source = cloud(source_points, "source_points")?;
     let target = cloud(target_points, "target_points")?;
-    let registration = released(py, || method.register(&source, &target))?;
+    let registration = released(py, || chain.register(&source, &target))?;
     let json = serde_json::to_string(&registration)
         .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     Ok(py.import("json")?.call_method1("loads", (json,))?.cast_into()?)
+}
+
+/// Whatever Python's own json module can write.
+fn json(py: Python<'_>, settings: &Bound<'_, PyDict>) -> PyResult<Value> {
+    let text = py.import("json")?.call_method1("dumps", (settings,))?;
+    serde_json::from_str(text.extract()?).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// JSON knows neither NaN nor infinity; as words the setting refuses them.
+fn number(value: f64) -> Value {
+    if value.is_finite() { value.into() } else { value.to_string().into() }
 }
 
 /// The crate's defaults with what was given.

@@ -15,9 +15,17 @@ use super::evaluate::Evaluation;
 /// coarse. The true poses reach 0.58 in the median, those that one step finds 0.33: doubt
 /// errs on the side of caution.
 pub const MIN_AGREEMENT: f64 = 0.3;
+/// Agreement beyond chance below which a pose is doubted that was found by laying the
+/// clouds on each other, as ICP, CPD and their kin do: a wrong optimum of these agrees
+/// better than a wrong guess (seen: up to 0.58), and a right one nearly as well as can be.
+pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
 /// Second relative singular value below which a rotation is doubted: about one axis the
 /// weights then hardly tell one angle from another.
 pub const MIN_SINGULAR_VALUE: f64 = 1e-3;
+
+/// Keypoints of a cloud below which a pose is doubted: among fewer, a handful of wrong
+/// connections turns the answer.
+pub const MIN_KEYPOINTS: usize = 10;
 
 /// A ground to doubt an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -28,7 +36,7 @@ pub enum Doubt {
     LowAgreement {
         /// [`Evaluation::agreement`] of the pose.
         found: f64,
-        /// [`MIN_AGREEMENT`].
+        /// [`MIN_AGREEMENT`] or [`MIN_AGREEMENT_BY_POSITION`].
         needed: f64,
     },
     /// The weights hardly determine the rotation about one axis.
@@ -38,14 +46,50 @@ pub enum Doubt {
         /// [`MIN_SINGULAR_VALUE`].
         needed: f64,
     },
+    /// The iterations ended at their limit, not at a fixed point.
+    NotConverged {
+        /// How many there were.
+        iterations: u32,
+    },
+    /// The surfaces hardly hold the pose in one direction: planes, spheres and the like
+    /// slide along themselves.
+    Slides {
+        /// Least hold of the paired surfaces relative to their mean.
+        found: f64,
+        /// What the method asks for.
+        needed: f64,
+    },
+    /// A keypoint detector found few points in one of the clouds.
+    FewKeypoints {
+        /// Keypoints with a descriptor in the cloud that has fewer.
+        found: usize,
+        /// [`MIN_KEYPOINTS`].
+        needed: usize,
+    },
+    /// A refinement found nothing to connect at the pose it was to start from.
+    NotRefined,
+    /// So few matches agree with the pose that chance alone may have made them agree.
+    FewInliers {
+        /// Matches that agree with the pose.
+        found: usize,
+        /// Matches that chance hardly brings together.
+        needed: usize,
+    },
+    /// The search for the largest set of consistent matches ended at its limit: there may
+    /// be a larger one.
+    CliqueNotProved {
+        /// Matches in the largest set that was found.
+        found: usize,
+    },
 }
 
-/// All grounds to doubt a pose with this evaluation and these relative singular values.
-pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3]) -> Vec<Doubt> {
+/// All grounds to doubt a pose with this evaluation and these relative singular values;
+/// `needed` is the least agreement.
+pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Doubt> {
     let mut doubts = Vec::new();
     let found = evaluation.agreement();
-    if found.is_nan() || found < MIN_AGREEMENT {
-        doubts.push(Doubt::LowAgreement { found, needed: MIN_AGREEMENT });
+    if found.is_nan() || found < needed {
+        doubts.push(Doubt::LowAgreement { found, needed });
     }
     let found = singular_values[1];
     if found.is_nan() || found < MIN_SINGULAR_VALUE {
@@ -66,6 +110,33 @@ impl fmt::Display for Doubt {
                 f,
                 "the weights leave the rotation about one axis open: second singular value \
                  {found:.1e}, {needed:.1e} is needed"
+            ),
+            Doubt::Slides { found, needed } => write!(
+                f,
+                "the surfaces slide along each other in one direction: hold {found:.1e}, \
+                 {needed:.1e} is needed"
+            ),
+            Doubt::FewKeypoints { found, needed } => write!(
+                f,
+                "{found} keypoints in one of the clouds, {needed} are needed: take more points, \
+                 lower the detector's thresholds, or register by cf"
+            ),
+            Doubt::NotRefined => {
+                write!(f, "nothing lies near enough under this pose to refine it")
+            }
+            Doubt::FewInliers { found, needed } => write!(
+                f,
+                "{found} matches agree with this pose, chance alone may bring together up to \
+                 {needed}: the clouds may have nothing in common"
+            ),
+            Doubt::CliqueNotProved { found } => write!(
+                f,
+                "the search for consistent matches ended at its limit with {found}: there may be \
+                 a larger set; allow more steps or lower the noise bound"
+            ),
+            Doubt::NotConverged { iterations } => write!(
+                f,
+                "not converged after {iterations} iterations: allow more, or start nearer"
             ),
         }
     }

@@ -284,19 +284,35 @@ class Register(unittest.TestCase):
     def test_signatures_state_the_defaults_of_the_crate(self):
         """None means the crate's own: the same configuration must come of both."""
         names = inspect.signature(cfreg.register).parameters
-        unset = {name: None for name in names if name not in ("source_points", "target_points", "method")}
+        own = ("source_points", "target_points", "method", "settings")
+        unset = {name: None for name in names if name not in own}
         stated = cfreg.register(self.source, self.target)
         self.assertEqual(cfreg.register(self.source, self.target, **unset)["config"], stated["config"])
         for function in (cfreg.estimate_normals, cfreg.fpfh, cfreg.moments, cfreg.solve):
             for name, parameter in inspect.signature(function).parameters.items():
                 if name == "scale" and function is cfreg.fpfh:
                     name = "histogram"
-                if parameter.default is not parameter.empty and name in names:
-                    self.assertEqual(parameter.default, names[name].default, f"{function}: {name}")
+                if parameter.default not in (parameter.empty, None) and name in names:
+                    given = {name: parameter.default}
+                    found = cfreg.register(self.source, self.target, **given)["config"]
+                    self.assertEqual(found, stated["config"], f"{function}: {name}")
+
+    def test_any_method_and_refinement_by_name(self):
+        found = cfreg.register(self.source, self.target, refine=["icp"], normalize="both")
+        self.assertEqual((found["method"], found["refined_from"]["method"]), ("icp", "cf"))
+        np.testing.assert_allclose(found["transform"], self.truth, atol=0.05)
+        near = cfreg.register(self.target, self.target, method="icp", max_iterations=7)
+        self.assertEqual(near["config"]["max_iterations"], 7)
+        for wrong in ({"beta": 3.0}, {"sigma_x": 1}, {"max_iterations": "many"}):
+            name = next(iter(wrong))
+            with self.subTest(name), self.assertRaisesRegex(ValueError, f"^{name} = "):
+                cfreg.register(self.source, self.target, method="icp", **wrong)
+        with self.assertRaisesRegex(ValueError, "^refine = cf: "):
+            cfreg.register(self.source, self.target, refine=["cf"])
 
     def test_arguments_are_refused_by_name(self):
         for argument, wrong in {
-            "method": "icp",
+            "method": "x",
             "neighbors": 1,
             "beta": -1.0,
             "weights": "x",

@@ -1,0 +1,87 @@
+//! Keypoints: the few points of a cloud that stand out from their surroundings.
+//!
+//! Detectors give indices into the cloud, ascending and without repetition. Lengths are
+//! in resolutions of the cloud, so that the unit does not matter.
+
+mod iss;
+mod sift;
+
+pub use iss::Iss;
+pub use sift::Sift;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::search;
+
+/// A keypoint detector with its settings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Keypoints {
+    /// Extrema of the curvature over place and scale (the paper's): [`Sift`].
+    Sift(Sift),
+    /// Intrinsic shape signatures: [`Iss`].
+    Iss(Iss),
+}
+
+impl Default for Keypoints {
+    fn default() -> Self {
+        Keypoints::Sift(Sift::default())
+    }
+}
+
+impl Keypoints {
+    /// The detector's name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Keypoints::Sift(_) => "sift",
+            Keypoints::Iss(_) => "iss",
+        }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a setting out of its range.
+    pub fn validate(&self) -> Result<()> {
+        match self {
+            Keypoints::Sift(sift) => sift.validate(),
+            Keypoints::Iss(iss) => iss.validate(),
+        }
+    }
+
+    /// Indices of the keypoints. `values` is one number a point, such as its curvature;
+    /// only SIFT looks at it.
+    ///
+    /// # Errors
+    /// Those of [`Sift::detect`] and [`Iss::detect`].
+    pub fn detect(&self, points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
+        match self {
+            Keypoints::Sift(sift) => sift.detect(points, values),
+            Keypoints::Iss(iss) => iss.detect(points),
+        }
+    }
+}
+
+/// The length that a detector's lengths are multiples of.
+fn unit(points: &[[f32; 3]], given: Option<f64>) -> Result<f64> {
+    let unit = given.map_or_else(|| search::resolution(points), Ok)?;
+    if unit > 0.0 {
+        return Ok(unit);
+    }
+    let rule = "most points of the cloud lie in the place of another: thin it by a voxel grid, or \
+                set the unit";
+    Err(Error::config("unit", unit, rule))
+}
+
+/// Refuses `value` outside `low..=high`.
+fn within(field: &'static str, value: f64, low: f64, high: f64) -> Result<()> {
+    match (low..=high).contains(&value) {
+        true => Ok(()),
+        false => Err(Error::config(field, value, format!("must be from {low:e} to {high:e}"))),
+    }
+}
+
+fn check_unit(given: Option<f64>) -> Result<()> {
+    given.map_or(Ok(()), |unit| within("unit", unit, 1e-15, 1e15))
+}

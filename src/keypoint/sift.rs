@@ -1,0 +1,211 @@
+//! 3-D SIFT: extrema of a difference of Gaussians over place and scale, as in PCL.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{check_unit, unit, within};
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+use crate::par;
+use crate::search::SearchTree;
+
+/// Neighbours among which a point must be the extremum (PCL's 25).
+const RIVALS: usize = 25;
+/// How many σ the Gaussians reach (PCL's 3).
+const REACH: f64 = 3.0;
+
+/// The SIFT detector on a number a point, such as its curvature (PCL's `SIFTKeypoint`; the
+/// paper, section IV-A, names the detector but none of its settings).
+///
+/// Every octave starts from the cloud thinned by a voxel grid of its first scale, with
+/// mean values; smooths at scales σ·2^((i−1)/s), i = 0 to s + 2; and keeps the points where
+/// the difference of successive scales is the extremum among the 25 nearest, in its own
+/// scale and the two beside it. The answer is the cloud's point nearest to each.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Sift {
+    /// Length that the scale is a multiple of, in the unit of the coordinates. Default
+    /// `None`: the cloud's resolution. Set it to 1 to give the scale in the cloud's unit.
+    pub unit: Option<f64>,
+    /// σ of the first octave, in units, 1e-3 to 1e3; default 1. Raise it for fewer points
+    /// and noisy clouds.
+    pub min_scale: f64,
+    /// Octaves, each of twice the scale, 1 to 16; default 3.
+    pub octaves: usize,
+    /// Scales an octave, 1 to 16; default 4.
+    pub scales: usize,
+    /// Least difference of Gaussians of a keypoint, in the unit of the values (curvature
+    /// is in [0, 1/3]), 0 to 1e6; default 0: every extremum. Raise it to leave out the
+    /// extrema of flat places, which are noise.
+    pub min_contrast: f64,
+}
+
+impl Default for Sift {
+    fn default() -> Self {
+        Sift { unit: None, min_scale: 1.0, octaves: 3, scales: 4, min_contrast: 0.0 }
+    }
+}
+
+impl Sift {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a setting out of its range.
+    pub fn validate(&self) -> Result<()> {
+        check_unit(self.unit)?;
+        within("min_scale", self.min_scale, 1e-3, 1e3)?;
+        within("octaves", self.octaves as f64, 1.0, 16.0)?;
+        within("scales", self.scales as f64, 1.0, 16.0)?;
+        within("min_contrast", self.min_contrast, 0.0, 1e6)
+    }
+
+    /// Indices of the keypoints, ascending.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] unless there is a value for every point; those of
+    /// [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::Config`] for a cloud
+    /// without a resolution.
+    pub fn detect(&self, points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
+        self.validate()?;
+        if points.len() != values.len() {
+            let what = "values for the points of a cloud".into();
+            return Err(Error::Shape { what, expected: points.len(), found: values.len() });
+        }
+        let mut scale = self.min_scale * unit(points, self.unit)?;
+        let whole = SearchTree::new(points)?;
+        let (mut points, mut values) = (points.to_vec(), values.to_vec());
+        let mut found = Vec::new();
+        for _ in 0..self.octaves {
+            (points, values) = thinned(&points, &values, scale);
+            if points.len() < RIVALS {
+                break;
+            }
+            let keys = self.octave(&points, &values, scale)?;
+            found.extend(keys.iter().map(|&i| whole.nearest(&points[i]).index as usize));
+            scale *= 2.0;
+        }
+        found.sort_unstable();
+        found.dedup();
+        Ok(found)
+    }
+
+    /// Extrema of one octave, as indices into its thinned points.
+    fn octave(&self, points: &[[f32; 3]], values: &[f32], scale: f64) -> Result<Vec<usize>> {
+        let tree = SearchTree::new(points)?;
+        let sigma = |i: usize| scale * 2f64.powf((i as f64 - 1.0) / self.scales as f64);
+        let sigmas: Vec<f64> = (0..self.scales + 3).map(sigma).collect();
+        let reach = REACH * sigmas[sigmas.len() - 1];
+        let differences = par::map(
+            points.len(),
+            || (),
+            |_, i| {
+                let around = tree.within(&points[i], reach);
+                let smooth = |&sigma: &f64| {
+                    let inside = |squared: f64| squared <= (REACH * sigma).powi(2);
+                    let (mut sum, mut weights) = (0.0, 0.0);
+                    for neighbor in &around {
+                        let squared = f64::from(neighbor.squared_distance);
+                        if !inside(squared) {
+                            break;
+                        }
+                        let weight = (-0.5 * squared / (sigma * sigma)).exp();
+                        sum += weight * f64::from(values[neighbor.index as usize]);
+                        weights += weight;
+                    }
+                    sum / weights
+                };
+                let smoothed: Vec<f64> = sigmas.iter().map(smooth).collect();
+                smoothed.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>()
+            },
+        );
+        let extreme = par::map(
+            points.len(),
+            || (),
+            |_, i| {
+                let rivals = tree.k_nearest(&points[i], RIVALS);
+                let row = |at: usize| rivals.iter().map(move |r| (r.index as usize, at));
+                (1..=self.scales).any(|s| {
+                    let value = differences[i][s];
+                    let is_least = |sign: f64| {
+                        let above =
+                            |(j, at): (usize, usize)| sign * differences[j][at] > sign * value;
+                        row(s).all(|(j, at)| sign * differences[j][at] >= sign * value)
+                            && row(s - 1).chain(row(s + 1)).all(above)
+                    };
+                    value.abs() >= self.min_contrast && (is_least(1.0) || is_least(-1.0))
+                })
+            },
+        );
+        Ok((0..points.len()).filter(|&i| extreme[i]).collect())
+    }
+}
+
+/// Mean point and mean value of every occupied cube of side `size`; the grid starts at the
+/// lowest corner.
+fn thinned(points: &[[f32; 3]], values: &[f32], size: f64) -> (Vec<[f32; 3]>, Vec<f32>) {
+    let low = points.iter().fold([f32::INFINITY; 3], |low, p| [0, 1, 2].map(|a| low[a].min(p[a])));
+    let mut cubes: BTreeMap<[i64; 3], (Vec3, f64, f64)> = BTreeMap::new();
+    for (p, &value) in points.iter().zip(values) {
+        let p = p.map(f64::from);
+        let cube = math::sub(p, low.map(f64::from)).map(|x| (x / size).floor() as i64);
+        let (sum, total, count) = cubes.entry(cube).or_default();
+        *sum = math::add(*sum, p);
+        *total += f64::from(value);
+        *count += 1.0;
+    }
+    let mean = |(sum, total, n): &(Vec3, f64, f64)| {
+        (math::scaled(*sum, 1.0 / n).map(|x| x as f32), (total / n) as f32)
+    };
+    cubes.values().map(mean).unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flat grid of unit spacing whose value is a blob at (14, 11).
+    fn blob() -> (Vec<[f32; 3]>, Vec<f32>) {
+        let value = |x: f32, y: f32| (-((x - 14.0).powi(2) + (y - 11.0).powi(2)) / 8.0).exp();
+        let place = |i: i32| ((i % 30) as f32, (i / 30) as f32);
+        (0..900).map(place).map(|(x, y)| ([x, y, 0.0], value(x, y))).unzip()
+    }
+
+    #[test]
+    fn a_blob_is_found_where_it_is() {
+        let (points, values) = blob();
+        let found =
+            Sift { min_contrast: 0.02, ..Sift::default() }.detect(&points, &values).unwrap();
+        assert!(!found.is_empty() && found.windows(2).all(|pair| pair[0] < pair[1]));
+        let near = |&i: &usize| (points[i][0] - 14.0).hypot(points[i][1] - 11.0) <= 2.0;
+        assert!(found.iter().any(near), "{found:?}");
+    }
+
+    #[test]
+    fn a_constant_has_no_extrema_and_the_unit_does_not_matter() {
+        let (points, values) = blob();
+        let sift = Sift { min_contrast: 1e-3, ..Sift::default() };
+        assert!(sift.detect(&points, &[0.5; 900]).unwrap().is_empty());
+        let large: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x * 1024.0)).collect();
+        let found = sift.detect(&points, &values).unwrap();
+        assert_eq!(found, sift.detect(&large, &values).unwrap());
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let (points, values) = blob();
+        let sift = Sift::default();
+        for (bad, want) in [
+            (Sift { unit: Some(f64::NAN), ..sift }, "unit"),
+            (Sift { min_scale: 0.0, ..sift }, "min_scale"),
+            (Sift { octaves: 0, ..sift }, "octaves"),
+            (Sift { scales: 17, ..sift }, "scales"),
+            (Sift { min_contrast: f64::NAN, ..sift }, "min_contrast"),
+        ] {
+            let found = bad.detect(&points, &values);
+            assert!(matches!(found, Err(Error::Config { field, .. }) if field == want), "{want}");
+        }
+        let short = sift.detect(&points, &values[1..]);
+        assert!(matches!(short, Err(Error::Shape { .. })));
+    }
+}

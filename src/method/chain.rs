@@ -1,0 +1,70 @@
+//! A method, and refinements that start from its pose.
+
+use super::{Method, Register, Registration};
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::quality::Doubt;
+
+/// A method followed by refinements, each from the pose of the one before: what
+/// `--method cf --refine icp,gicp` is.
+///
+/// The answer is the last registration; the ones before are in its
+/// [`refined_from`](Registration::refined_from), their times in front of its own.
+///
+/// ```
+/// use cfreg::method::{Chain, Register};
+/// # use cfreg::experiment::shape::boulder;
+/// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
+/// let chain = Chain::new("cf".parse()?, vec!["icp".parse()?])?;
+/// let refined = chain.register(&source, &target)?;
+/// assert_eq!((refined.method, refined.refined_from.unwrap().method), ("icp", "cf"));
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    first: Method,
+    refinements: Vec<Method>,
+}
+
+impl Chain {
+    /// `first`, then each of `refinements`.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a refinement that cannot start from a pose.
+    pub fn new(first: Method, refinements: Vec<Method>) -> Result<Self> {
+        match refinements.iter().find(|method| method.as_refinement().is_none()) {
+            Some(method) => {
+                let rule =
+                    "does not start from a pose: refine by icp, plane-icp, gicp, kc, cpd or dare";
+                Err(Error::config("refine", method.name(), rule))
+            }
+            None => Ok(Chain { first, refinements }),
+        }
+    }
+}
+
+impl Register for Chain {
+    /// A refinement that finds nothing to hold on to leaves the pose before it as the
+    /// answer, with [`Doubt::NotRefined`].
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        let mut found = self.first.register(source, target)?;
+        for refinement in self.refinements.iter().filter_map(Method::as_refinement) {
+            match refinement.refine(source, target, &found.transform) {
+                Ok(mut refined) => {
+                    let own = std::mem::take(&mut refined.time_s);
+                    refined.time_s = found.time_s.clone();
+                    own.0.iter().for_each(|&(stage, seconds)| refined.time_s.add(stage, seconds));
+                    refined.refined_from = Some(Box::new(found));
+                    found = refined;
+                }
+                Err(Error::NoWeight | Error::Degenerate { .. }) => {
+                    found.doubts.push(Doubt::NotRefined);
+                    found.trusted = false;
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(found)
+    }
+}

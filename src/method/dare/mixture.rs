@@ -1,0 +1,240 @@
+//! The latent scene: isotropic Gaussians and a uniform outlier component.
+//!
+//! Each component has its own variance, so a connection's weight is no function of the
+//! distance alone and the tiles of [`crate::moments`] do not serve. But an isotropic
+//! Gaussian sees of a cloud only the mass, centroid and scatter it is responsible for:
+//! one pass over N·K leaves a [`Cluster`] a component, and poses, means and variances
+//! follow from these in O(K). The responsibilities are never stored.
+
+use pulp::{Simd, WithSimd};
+
+use crate::cloud::Transform;
+use crate::error::Result;
+use crate::math::{self, Vec3, fast};
+use crate::moments::Moments;
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solution, Solver};
+
+/// Points a task of the parallel loop.
+const BLOCK: usize = 1024;
+/// Points that are summed in f32 before the sums go on in f64.
+const CHUNK: usize = 32;
+/// Sums a component: Σa, Σa dx, Σa dy, Σa dz, Σa|d|², Σa².
+const SUMS: usize = 6;
+/// Weights are multiplied by this before they are squared: they may be 1e-7 each.
+const LIFT: f32 = (1u32 << 30) as f32;
+/// Mass below which a component keeps its mean and variance: nothing determines them.
+const LEAST_MASS: f64 = 1e-12;
+
+/// A cloud about its centroid in units of the model, and its observation weights.
+pub(super) struct View {
+    pub(super) points: Vec<[f32; 3]>,
+    /// Sum 1.
+    pub(super) weights: Vec<f64>,
+}
+
+/// Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
+pub(super) struct Mixture {
+    pub(super) means: Vec<Vec3>,
+    pub(super) variances: Vec<f64>,
+    /// ω.
+    pub(super) outliers: f64,
+    /// V.
+    pub(super) volume: f64,
+    /// Least variance.
+    pub(super) floor: f64,
+}
+
+/// What of a cloud a component is responsible for, in the cloud's own coordinates.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cluster {
+    /// Σa, a = responsibility × observation weight.
+    pub(super) mass: f64,
+    /// Σa².
+    pub(super) squared: f64,
+    /// Σa x / Σa.
+    pub(super) centroid: Vec3,
+    /// Σa |x − centroid|².
+    pub(super) scatter: f64,
+}
+
+impl Mixture {
+    /// The E-step: the clusters of `view` under `pose`, and Σ_j w_j ln p(x_j).
+    pub(super) fn explain(&self, view: &View, pose: &Transform) -> (Vec<Cluster>, f64) {
+        let k = self.means.len();
+        let uniform = self.outliers / self.volume;
+        let prior = (1.0 - self.outliers) / k as f64;
+        let amplitude = |variance: &f64| {
+            (prior / uniform * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
+        };
+        let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
+        let model = Lanes {
+            x: axis(0),
+            y: axis(1),
+            z: axis(2),
+            exponent: self.variances.iter().map(|v| (-0.5 / v) as f32).collect(),
+            amplitude: self.variances.iter().map(amplitude).collect(),
+        };
+        let blocks = par::map_blocks(
+            view.points.len(),
+            BLOCK,
+            || (),
+            |_, block| {
+                let mut sums = vec![0.0; SUMS * k];
+                let mut likelihood = 0.0;
+                for start in block.clone().step_by(CHUNK) {
+                    let range = start..(start + CHUNK).min(block.end);
+                    let moved: Vec<[f32; 3]> = view.points[range.clone()]
+                        .iter()
+                        .map(|p| pose.apply(p.map(f64::from)).map(|x| x as f32))
+                        .collect();
+                    let mut partial = vec![0.0f32; SUMS * k];
+                    let weights = &view.weights[range];
+                    let pass = Pass { model: &model, points: &moved, weights, sums: &mut partial };
+                    likelihood += pulp::Arch::new().dispatch(pass);
+                    sums.iter_mut().zip(&partial).for_each(|(sum, &x)| *sum += f64::from(x));
+                }
+                (sums, likelihood)
+            },
+        );
+        let mut sums = vec![0.0; SUMS * k];
+        let mut likelihood = uniform.ln();
+        for (block, part) in &blocks {
+            sums.iter_mut().zip(block).for_each(|(sum, x)| *sum += x);
+            likelihood += part;
+        }
+        let back = pose.inverse();
+        let cluster = |i: usize| {
+            let sum = |s: usize| sums[s * k + i];
+            let mass = sum(0);
+            let lift = f64::from(LIFT);
+            let squared = sum(5) / (lift * lift);
+            if mass < LEAST_MASS {
+                return Cluster::default();
+            }
+            // About the component's mean in f32, where the kernel took it.
+            let mean = self.means[i].map(|x| f64::from(x as f32));
+            let shift = math::scaled([sum(1), sum(2), sum(3)], 1.0 / mass);
+            let scatter = (sum(4) - mass * math::dot(shift, shift)).max(0.0);
+            Cluster { mass, squared, centroid: back.apply(math::add(mean, shift)), scatter }
+        };
+        ((0..k).map(cluster).collect(), likelihood)
+    }
+
+    /// Moments of all connections of the points behind `clusters` with the means, weighed
+    /// by a/σ_k², in units of `unit` about the given origins: the scatter is the same for
+    /// every pose.
+    pub(super) fn moments(
+        &self,
+        clusters: &[Cluster],
+        unit: f64,
+        (source_origin, target_origin): (Vec3, Vec3),
+    ) -> Moments {
+        let mut moments = Moments::about(source_origin, target_origin);
+        for ((cluster, &mean), variance) in clusters.iter().zip(&self.means).zip(&self.variances) {
+            let (p, q) = (math::scaled(cluster.centroid, unit), math::scaled(mean, unit));
+            let rest = moments.weight_squared + cluster.squared / (variance * variance);
+            moments.add_pair(cluster.mass / variance, p, q);
+            moments.weight_squared = rest;
+            moments.source_squares += unit * unit * cluster.scatter / variance;
+        }
+        moments
+    }
+
+    /// The pose that brings the clusters nearest to the means, as the model's weights
+    /// have it.
+    ///
+    /// # Errors
+    /// Those of [`pose::solve`].
+    pub(super) fn solve(&self, clusters: &[Cluster]) -> Result<Solution> {
+        let moments = self.moments(clusters, 1.0, ([0.0; 3], [0.0; 3]));
+        pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)
+    }
+
+    /// The rest of the M-step: means (unless `held`), then variances, from the clusters
+    /// of both clouds under their new poses.
+    pub(super) fn update(&mut self, clouds: [(&[Cluster], &Transform); 2], held: bool) {
+        for i in 0..self.means.len() {
+            let parts = clouds.map(|(clusters, pose)| {
+                let cluster = &clusters[i];
+                (cluster.mass, pose.apply(cluster.centroid), cluster.scatter)
+            });
+            let mass = parts[0].0 + parts[1].0;
+            if mass < LEAST_MASS {
+                continue;
+            }
+            if !held {
+                let [a, b] = parts.map(|(mass, centroid, _)| math::scaled(centroid, mass));
+                self.means[i] = math::scaled(math::add(a, b), 1.0 / mass);
+            }
+            let spread = |&(mass, centroid, scatter): &(f64, Vec3, f64)| {
+                let rest = math::sub(centroid, self.means[i]);
+                scatter + mass * math::dot(rest, rest)
+            };
+            let variance = parts.iter().map(spread).sum::<f64>() / (3.0 * mass);
+            self.variances[i] = variance.max(self.floor);
+        }
+    }
+}
+
+/// The model in f32, one array a parameter.
+struct Lanes {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    /// −1/2σ².
+    exponent: Vec<f32>,
+    /// Relative to the outliers' density.
+    amplitude: Vec<f32>,
+}
+
+struct Pass<'a> {
+    model: &'a Lanes,
+    points: &'a [[f32; 3]],
+    weights: &'a [f64],
+    sums: &'a mut [f32],
+}
+
+impl WithSimd for Pass<'_> {
+    /// Σ w ln(p / outlier density).
+    type Output = f64;
+
+    // Plain loops: compiled here once per instruction set, they become its vector code.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Lanes { x, y, z, exponent, amplitude } = self.model;
+        let k = x.len();
+        let (x, y, z) = (&x[..k], &y[..k], &z[..k]);
+        let (exponent, amplitude) = (&exponent[..k], &amplitude[..k]);
+        let (mass, rest) = self.sums.split_at_mut(k);
+        let (sx, rest) = rest.split_at_mut(k);
+        let (sy, rest) = rest.split_at_mut(k);
+        let (sz, rest) = rest.split_at_mut(k);
+        let (scatter, squared) = rest.split_at_mut(k);
+        let (scatter, squared) = (&mut scatter[..k], &mut squared[..k]);
+        let mut row = vec![0.0f32; k];
+        let row = &mut row[..k];
+        let mut likelihood = 0.0;
+        for (&[px, py, pz], &weight) in self.points.iter().zip(self.weights) {
+            for i in 0..k {
+                let (dx, dy, dz) = (px - x[i], py - y[i], pz - z[i]);
+                let d2 = dx.mul_add(dx, dy.mul_add(dy, dz * dz));
+                row[i] = amplitude[i] * fast::exp_neg(exponent[i] * d2);
+            }
+            let sum = 1.0 + row.iter().map(|&a| f64::from(a)).sum::<f64>();
+            likelihood += weight * sum.ln();
+            let factor = (weight / sum) as f32;
+            for i in 0..k {
+                let a = row[i] * factor;
+                let (dx, dy, dz) = (px - x[i], py - y[i], pz - z[i]);
+                mass[i] += a;
+                sx[i] = a.mul_add(dx, sx[i]);
+                sy[i] = a.mul_add(dy, sy[i]);
+                sz[i] = a.mul_add(dz, sz[i]);
+                scatter[i] = a.mul_add(dx.mul_add(dx, dy.mul_add(dy, dz * dz)), scatter[i]);
+                squared[i] = (a * LIFT).mul_add(a * LIFT, squared[i]);
+            }
+        }
+        likelihood
+    }
+}

@@ -1,0 +1,323 @@
+//! ICP: the nearest point within a bound, weighed again and solved again.
+
+mod pairs;
+mod surface;
+
+use serde::{Deserialize, Serialize};
+
+use self::surface::{Connected, Surfaces};
+use super::positions::Positions;
+use super::registration::{Counts, Found, PointCounts, Timings};
+use super::{Method, Refine, Register, Registration, Step, StopReason};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::math;
+use crate::moments::{self, Moments};
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solver};
+use crate::quality::{self, Doubt};
+use crate::weight::WeightScheme;
+
+/// What distance of a pair is made small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Metric {
+    /// Point to point (Besl and McKay 1992): a closed form.
+    #[default]
+    Point,
+    /// Point to the target's tangent plane (Chen and Medioni 1991): Gauss-Newton.
+    Plane,
+    /// Disc to disc (Segal, Hähnel and Thrun 2009): Gauss-Newton.
+    Generalized,
+}
+
+/// Iterative closest point: weight 1 for the nearest target point of every source point
+/// under the current pose, solved, again and again until the pose rests.
+///
+/// Finds the nearest rest, not the best: start within about 20 degrees, or after a method
+/// that needs no start (`--method cf --refine icp`). From farther off the answer is
+/// usually wrong, and doubted by its agreement.
+///
+/// In the trace, objective is the root mean square distance of the pairs (weighted, in
+/// the target's unit) at the pose before the step; it falls.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Icp {
+    /// What is minimised; default point to point. `plane` and `generalized` need fewer
+    /// iterations and slide along surfaces, but need surfaces.
+    pub metric: Metric,
+    /// Longest pair, in the target's unit, above 0. Default none: every source point has
+    /// a pair (Besl and McKay). Set it, to a few times the expected misalignment, when the
+    /// clouds overlap only in part.
+    pub max_distance: Option<f64>,
+    /// Share of the pairs that is kept, shortest first, in (0, 1]; default 1. Trimmed ICP
+    /// (Chetverikov et al. 2002): a little below the overlap.
+    pub keep: f64,
+    /// Whether the source point must also be the nearest of its target point; default no.
+    /// Fewer, better pairs under partial overlap, at about twice the time.
+    pub reciprocal: bool,
+    /// Kernel of the pair's distance; default uniform. Others bound the pull of outliers.
+    pub weights: WeightScheme,
+    /// Bandwidth of the kernel, in the target's unit, above 0. Default three resolutions
+    /// of the coarser cloud ([`quality::default_distance`]).
+    pub bandwidth: Option<f64>,
+    /// Nearest points that make a tangent plane, at least 3; default 20 (Segal et al.).
+    /// More for noisy clouds. Only for `plane` and `generalized`.
+    pub surface_neighbors: usize,
+    /// Most iterations, at least 1; default 200. At the limit the pose is doubted.
+    pub max_iterations: u32,
+    /// Rotation below which a step is rest, radians, 0 or more; default 1e-6.
+    pub rotation_tolerance: f64,
+    /// Shift of the source's centre below which a step is rest, in root mean square radii
+    /// of the target, 0 or more; default 1e-6. Both must hold.
+    pub translation_tolerance: f64,
+    /// Change of the pairs' mean squared distance below which it rests, as a share of it,
+    /// 0 or more; default 0, which leaves it to the pose.
+    pub relative_error_tolerance: f64,
+    /// The same as an absolute change, in squared target units, 0 or more; default 0.
+    pub error_tolerance: f64,
+    /// Whether to record every iteration.
+    pub trace: bool,
+    /// Threads, 0 for all cores. Never changes the result.
+    pub threads: usize,
+}
+
+impl Default for Icp {
+    fn default() -> Self {
+        Icp {
+            metric: Metric::Point,
+            max_distance: None,
+            keep: 1.0,
+            reciprocal: false,
+            weights: WeightScheme::Uniform,
+            bandwidth: None,
+            surface_neighbors: 20,
+            max_iterations: 200,
+            rotation_tolerance: 1e-6,
+            translation_tolerance: 1e-6,
+            relative_error_tolerance: 0.0,
+            error_tolerance: 0.0,
+            trace: false,
+            threads: 0,
+        }
+    }
+}
+
+/// Hold of the surfaces below which a pose is doubted ([`Doubt::Slides`]).
+const LEAST_HOLD: f64 = 1e-4;
+
+impl Icp {
+    /// The paper's settings (section IV-A), in the meaning that PCL gives them: pairs of
+    /// at most 0.5, 1000 iterations, transformation epsilon 1e-9 (of the squared shift, and
+    /// of 1 − cos of the angle), Euclidean fitness epsilon 0.05 (of the change of the mean
+    /// *squared* distance), and PCL's own 1e-5 on its relative change. On objects of the
+    /// paper's size the last but one ends it after two iterations. The lengths are
+    /// absolute, as the paper's; only the shift is measured by the cloud's radius here.
+    pub fn paper() -> Self {
+        Icp {
+            max_distance: Some(0.5),
+            max_iterations: 1000,
+            rotation_tolerance: (1.0 - 1e-9f64).acos(),
+            translation_tolerance: 1e-9f64.sqrt(),
+            relative_error_tolerance: 1e-5,
+            error_tolerance: 0.05,
+            ..Icp::default()
+        }
+    }
+
+    /// Its name in the catalogue.
+    pub(super) fn name(&self) -> &'static str {
+        match self.metric {
+            Metric::Point => "icp",
+            Metric::Plane => "plane-icp",
+            Metric::Generalized => "gicp",
+        }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the name of the first setting that is out of its range.
+    pub fn validate(&self) -> Result<()> {
+        let length = |field, value: Option<f64>| match value {
+            Some(value) if !(value > 0.0 && value <= 1e15) => {
+                Err(Error::config(field, value, "must be above 0 and at most 1e15"))
+            }
+            _ => Ok(()),
+        };
+        length("max_distance", self.max_distance)?;
+        length("bandwidth", self.bandwidth)?;
+        if !(self.keep > 0.0 && self.keep <= 1.0) {
+            return Err(Error::config("keep", self.keep, "must be in (0, 1]"));
+        }
+        if self.surface_neighbors < 3 {
+            let rule = "must be at least 3: fewer points have no plane";
+            return Err(Error::config("surface_neighbors", self.surface_neighbors, rule));
+        }
+        if self.max_iterations == 0 {
+            return Err(Error::config("max_iterations", 0, "must be at least 1"));
+        }
+        for (field, value) in [
+            ("rotation_tolerance", self.rotation_tolerance),
+            ("translation_tolerance", self.translation_tolerance),
+            ("relative_error_tolerance", self.relative_error_tolerance),
+            ("error_tolerance", self.error_tolerance),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::config(field, value, "must be finite, 0 or more"));
+            }
+        }
+        // Its own range check (ν of student-t).
+        self.weights.weight(1.0, 0.0).map(|_| ())
+    }
+
+    /// The settings with the bandwidth filled in where a kernel needs one.
+    fn resolved(&self, source: &PointCloud, target: &PointCloud, scale: f64) -> Result<Icp> {
+        let mut config = self.clone();
+        if config.bandwidth.is_none() && config.weights != WeightScheme::Uniform {
+            // Duplicated points have resolution 0.
+            let found = quality::default_distance(source, target, scale)?;
+            config.bandwidth = Some(found.max(1e-6 * target.diagonal()));
+        }
+        Ok(config)
+    }
+
+    fn run(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        initial: &Transform,
+    ) -> Result<Registration> {
+        self.validate()?;
+        let mut times = Timings::default();
+        let positions = times.time("tree", || Positions::new(source, target))?;
+        let config = self.resolved(source, target, initial.scale)?;
+        let surfaces = match config.metric {
+            Metric::Point => None,
+            metric => Some(times.time("normals", || {
+                Surfaces::new(metric, source, target, config.surface_neighbors, positions.unit())
+            })?),
+        };
+        let center = source.centroid();
+        let mut transform = *initial;
+        let (mut trace, mut doubts) = (Vec::new(), Vec::new());
+        let mut before = f64::INFINITY;
+        let mut iteration = 0;
+        let (stop, moments, pairs) = loop {
+            iteration += 1;
+            let (pairs, error) = times.time("pairs", || {
+                pairs::connect(&config, &positions, &positions.moved(&transform)?)
+            })?;
+            let moments = moments::of_pairs(source, target, &pairs)?;
+            let on = Connected { source, target, pairs: &pairs };
+            let next = times.time("solve", || match &surfaces {
+                Some(surfaces) => surfaces.step(on, &transform),
+                None => closed_form(&moments, transform.scale),
+            })?;
+            let turned = math::mat_mul(&next.rotation, &math::transpose(&transform.rotation));
+            let turn = Transform::rigid(turned, [0.0; 3]).angle();
+            let shift = math::norm(math::sub(next.apply(center), transform.apply(center)));
+            transform = next;
+            if config.trace {
+                let (objective, weight) = (error.sqrt(), moments.weight);
+                trace.push(Step { iteration, transform, objective, weight, bandwidth: None });
+            }
+            let change = (before - error).abs();
+            before = error;
+            let rests = turn <= config.rotation_tolerance
+                && shift <= config.translation_tolerance * positions.unit();
+            let stop = if rests {
+                StopReason::PoseSettled
+            } else if change < config.error_tolerance
+                || change < config.relative_error_tolerance * error
+            {
+                StopReason::ObjectiveSettled
+            } else if iteration == config.max_iterations {
+                StopReason::IterationLimit
+            } else {
+                continue;
+            };
+            break (stop, moments, pairs);
+        };
+        if let Some(surfaces) = &surfaces {
+            let found = surfaces.hold(Connected { source, target, pairs: &pairs }, &transform);
+            if found.is_nan() || found < LEAST_HOLD {
+                doubts.push(Doubt::Slides { found, needed: LEAST_HOLD });
+            }
+        }
+        let found = Found {
+            transform,
+            moments,
+            singular_values: pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?
+                .singular_values,
+            connections: pairs.len() as u64,
+            iterations: iteration,
+            stop,
+            trace,
+            points: PointCounts { source: Counts::plain(source), target: Counts::plain(target) },
+            times,
+            config: Method::Icp(config),
+            doubts,
+        };
+        Registration::conclude(found, source, target)
+    }
+}
+
+/// The pose of least squared distance that keeps the scale it started with.
+fn closed_form(moments: &Moments, scale: f64) -> Result<Transform> {
+    let found = pose::solve(moments, Solver::Arun, ScaleEstimate::Fixed)?.transform;
+    if scale == 1.0 {
+        return Ok(found);
+    }
+    let centered = moments.centered()?;
+    let turned = math::mat_vec(&found.rotation, centered.source_mean);
+    let translation = math::sub(centered.target_mean, math::scaled(turned, scale));
+    Ok(Transform { rotation: found.rotation, translation, scale })
+}
+
+impl Register for Icp {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.refine(source, target, &Transform::IDENTITY)
+    }
+}
+
+impl Refine for Icp {
+    fn refine(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        initial: &Transform,
+    ) -> Result<Registration> {
+        par::with_threads(self.threads, || self.run(source, target, initial))?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_name_the_field() {
+        let field = |icp: Icp| match icp.validate() {
+            Err(Error::Config { field, .. }) => field,
+            other => panic!("{other:?}"),
+        };
+        let icp = Icp::default();
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(field(Icp { max_distance: Some(bad), ..icp.clone() }), "max_distance");
+            assert_eq!(field(Icp { bandwidth: Some(bad), ..icp.clone() }), "bandwidth");
+            assert_eq!(field(Icp { keep: bad, ..icp.clone() }), "keep");
+        }
+        for bad in [-1e-9, f64::NAN, f64::INFINITY] {
+            let with = Icp { rotation_tolerance: bad, ..icp.clone() };
+            assert_eq!(field(with), "rotation_tolerance");
+            let with = Icp { error_tolerance: bad, ..icp.clone() };
+            assert_eq!(field(with), "error_tolerance");
+        }
+        assert_eq!(field(Icp { surface_neighbors: 2, ..icp.clone() }), "surface_neighbors");
+        assert_eq!(field(Icp { max_iterations: 0, ..icp.clone() }), "max_iterations");
+        let with = Icp { weights: WeightScheme::StudentT(-1.0), ..icp };
+        assert_eq!(field(with), "weights");
+        Icp::paper().validate().unwrap();
+    }
+}

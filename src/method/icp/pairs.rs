@@ -1,0 +1,76 @@
+//! Who is connected to whom: the sparse W of ICP.
+
+use super::Icp;
+use crate::error::Result;
+use crate::method::positions::Positions;
+use crate::moments::WeightedPair;
+use crate::par;
+use crate::search::{Neighbor, SearchTree};
+use crate::weight::{KernelVisitor, WeightKernel};
+
+/// The pairs of the moved source, in the order of its points, and the mean of their
+/// squared distances (weighted, in the target's unit; NaN without weight).
+pub(super) fn connect(
+    icp: &Icp,
+    positions: &Positions<'_>,
+    moved: &[[f32; 3]],
+) -> Result<(Vec<WeightedPair>, f64)> {
+    let nearest = positions.nearest(moved);
+    let limit = icp.max_distance.map_or(f64::INFINITY, |d| d * d);
+    let near = |i: &usize| f64::from(nearest[*i].squared_distance) <= limit;
+    let mut chosen: Vec<usize> = (0..moved.len()).filter(near).collect();
+    if icp.reciprocal {
+        chosen = mutual(positions, moved, &nearest, chosen)?;
+    }
+    if icp.keep < 1.0 {
+        let count = (icp.keep * chosen.len() as f64).ceil() as usize;
+        let distance = |i: usize| nearest[i].squared_distance;
+        chosen.sort_by(|&i, &j| distance(i).total_cmp(&distance(j)).then(i.cmp(&j)));
+        chosen.truncate(count);
+        chosen.sort_unstable();
+    }
+    // Without unit: the kernel's bandwidth is then 1.
+    let bandwidth = icp.bandwidth.unwrap_or(1.0);
+    let squares: Vec<f64> =
+        chosen.iter().map(|&i| f64::from(nearest[i].squared_distance)).collect();
+    let scaled: Vec<f32> = squares.iter().map(|d| (d / (bandwidth * bandwidth)) as f32).collect();
+    let weights = icp.weights.visit(1.0, Weigh(&scaled))?;
+    let pair = |(&i, &weight): (&usize, &f64)| WeightedPair {
+        source: i as u32,
+        target: nearest[i].index,
+        weight,
+    };
+    let pairs = chosen.iter().zip(&weights).map(pair).collect();
+    let error = squares.iter().zip(&weights).map(|(d, w)| d * w).sum::<f64>();
+    Ok((pairs, error / weights.iter().sum::<f64>()))
+}
+
+/// Those of `chosen` whose target point has no nearer source point. Equal distances
+/// (duplicates) count as mutual.
+fn mutual(
+    positions: &Positions<'_>,
+    moved: &[[f32; 3]],
+    nearest: &[Neighbor],
+    chosen: Vec<usize>,
+) -> Result<Vec<usize>> {
+    let tree = SearchTree::new(moved)?;
+    let targets = positions.target().points();
+    let is_mutual = par::map(
+        chosen.len(),
+        || (),
+        |_, k| {
+            let there = nearest[chosen[k]];
+            tree.nearest(&targets[there.index as usize]).squared_distance >= there.squared_distance
+        },
+    );
+    Ok(chosen.into_iter().zip(is_mutual).filter(|(_, mutual)| *mutual).map(|(i, _)| i).collect())
+}
+
+struct Weigh<'a>(&'a [f32]);
+
+impl KernelVisitor for Weigh<'_> {
+    type Output = Vec<f64>;
+    fn visit<K: WeightKernel>(self, kernel: K) -> Vec<f64> {
+        self.0.iter().map(|&d2| f64::from(kernel.weight(d2))).collect()
+    }
+}

@@ -1,0 +1,96 @@
+//! Connections by position: where the source lies under the current pose.
+//!
+//! The embedding of ICP, Kernel Correlation, CPD and DARE. What is connected are the
+//! same points as ever, so the moments give a pose of the *unmoved* source: no
+//! increments are composed and no error adds up.
+
+use crate::cloud::{Descriptors, PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+use crate::moments::{Described, FullConnection};
+use crate::par;
+use crate::search::{Neighbor, SearchTree};
+
+/// The two clouds of an iterative method, the target prepared once.
+pub(super) struct Positions<'a> {
+    source: &'a PointCloud,
+    target: &'a PointCloud,
+    /// The target's points in units, the embedding of the dense connections.
+    embedded: Descriptors,
+    tree: SearchTree,
+    unit: f64,
+}
+
+impl<'a> Positions<'a> {
+    /// # Errors
+    /// [`Error::TooFewPoints`] for fewer than three points in either cloud,
+    /// [`Error::Degenerate`] when all target points are in one place.
+    pub(super) fn new(source: &'a PointCloud, target: &'a PointCloud) -> Result<Self> {
+        for (cloud, what) in [(source, "the source"), (target, "the target")] {
+            if cloud.len() < 3 {
+                let found = cloud.len();
+                return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
+            }
+        }
+        let center = target.centroid();
+        let square = |p| math::dot(math::sub(p, center), math::sub(p, center));
+        let unit = (target.positions().map(square).sum::<f64>() / target.len() as f64).sqrt();
+        if unit <= 0.0 {
+            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
+        }
+        let embedded = embed(target.points(), unit)?;
+        let tree = SearchTree::new(target.points())?;
+        Ok(Positions { source, target, embedded, tree, unit })
+    }
+
+    /// The target as it was handed in.
+    pub(super) fn target(&self) -> &'a PointCloud {
+        self.target
+    }
+
+    /// Root mean square distance of the target points to their centroid: the length that
+    /// bandwidths of [`connection`](Self::connection) are measured in.
+    pub(super) fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// The source's points under `pose`, relative to the target's origin.
+    ///
+    /// # Errors
+    /// [`Error::Extent`] when they leave the range of f32 distances.
+    pub(super) fn moved(&self, pose: &Transform) -> Result<Vec<[f32; 3]>> {
+        let origin = self.target.origin();
+        let move_one = |p: Vec3| math::sub(pose.apply(p), origin).map(|x| x as f32);
+        let moved: Vec<[f32; 3]> = self.source.positions().map(move_one).collect();
+        if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
+            return Err(Error::Extent { extent: f64::INFINITY });
+        }
+        Ok(moved)
+    }
+
+    /// The full connection by position at `pose`: squared distances are in squared
+    /// [`unit`](Self::unit)s.
+    ///
+    /// # Errors
+    /// Those of [`moved`](Self::moved).
+    pub(super) fn connection(&self, pose: &Transform) -> Result<FullConnection> {
+        let moved = embed(&self.moved(pose)?, self.unit)?;
+        let side = |cloud: &'a PointCloud, descriptors| Described {
+            points: cloud.points(),
+            origin: cloud.origin(),
+            descriptors,
+        };
+        FullConnection::new(side(self.source, &moved), side(self.target, &self.embedded))
+    }
+
+    /// The nearest target point of every moved source point; distances in the target's
+    /// unit.
+    pub(super) fn nearest(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
+        par::map(moved.len(), || (), |_, i| self.tree.nearest(&moved[i]))
+    }
+}
+
+fn embed(points: &[[f32; 3]], unit: f64) -> Result<Descriptors> {
+    let value = |&x: &f32| (f64::from(x) / unit) as f32;
+    Descriptors::new(3, points.as_flattened().iter().map(value).collect())
+}

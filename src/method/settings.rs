@@ -1,0 +1,105 @@
+//! Settings by name: how flags, keywords and files reach the fields of a configuration.
+
+use serde_json::{Map, Value, json};
+
+use super::Method;
+use crate::error::{Error, Result};
+
+impl Method {
+    /// The method with some of its settings replaced, each given by its name in the
+    /// configuration's JSON (`config` of a registration) and a JSON value.
+    ///
+    /// Some have a short form: `neighbors` and `radius` for `neighborhood`,
+    /// `normal_neighbors` for `normal_neighborhood`, `normalize` for `normalization`,
+    /// `detector` for the name of a keypoint detector in `keypoints`, `viewpoint` for an `orientation` towards a place.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a name that the method does not have, with those it has, and
+    /// for a value that is not of the setting's kind. Ranges are checked when the method
+    /// runs.
+    ///
+    /// ```
+    /// let method: cfreg::method::Method = "cf".parse()?;
+    /// let method = method.with([("beta", 50.into()), ("neighbors", 80.into())])?;
+    /// assert!(method.with([("sigma", 1.into())]).is_err());
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn with<'a>(self, settings: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self> {
+        let mut method = self;
+        for (name, value) in settings {
+            // One at a time, so that an error names its setting.
+            method = method.with_one(name, value)?;
+        }
+        Ok(method)
+    }
+
+    fn with_one(&self, name: &str, value: Value) -> Result<Self> {
+        let shown = value.to_string();
+        let bad = |rule: String| {
+            // Words know their rule by name and value, which are said already.
+            let said = format!("{name} = {}: ", shown.trim_matches('"'));
+            let rule = rule.strip_prefix(&said).unwrap_or(&rule).to_string();
+            Error::Setting { name: name.into(), value: shown.clone(), rule }
+        };
+        let (field, value) = long_form(name, value);
+        let mut config = match serde_json::to_value(self) {
+            Ok(Value::Object(config)) => config,
+            _ => return Err(bad("the method has no settings".into())),
+        };
+        if field == "method" || !config.contains_key(field) {
+            let rule = format!("{} has no such setting; it has {}", self.name(), names(&config));
+            return Err(bad(rule));
+        }
+        config.insert(field.into(), value);
+        serde_json::from_value(Value::Object(config)).map_err(|error| bad(error.to_string()))
+    }
+}
+
+fn long_form(name: &str, value: Value) -> (&str, Value) {
+    match name {
+        "neighbors" => ("neighborhood", json!({ "nearest": value })),
+        "radius" => ("neighborhood", json!({ "radius": value })),
+        "normal_neighbors" => ("normal_neighborhood", json!({ "nearest": value })),
+        "detector" => match value {
+            Value::String(name) => ("keypoints", json!({ name: {} })),
+            value => ("keypoints", value),
+        },
+        "normalize" => ("normalization", value),
+        "viewpoint" => ("orientation", json!({ "towards": value })),
+        _ => (name, value),
+    }
+}
+
+fn names(config: &Map<String, Value>) -> String {
+    let names: Vec<&str> =
+        config.keys().map(String::as_str).filter(|&name| name != "method").collect();
+    names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_reach_their_fields() {
+        let method: Method = "cf".parse().unwrap();
+        let set = |name, value| method.clone().with([(name, value)]);
+        let Method::Cf(cf) = set("neighbors", 20.into()).unwrap() else { panic!() };
+        assert_eq!(cf.describe.neighborhood, crate::search::Neighborhood::Nearest(20));
+        let Method::Cf(cf) = set("normalize", "sinkhorn:3".into()).unwrap() else { panic!() };
+        assert_eq!(cf.normalization, crate::weight::Normalization::Sinkhorn(3));
+        let Method::Cf(cf) = set("viewpoint", json!([1, 2, 3])).unwrap() else { panic!() };
+        assert_eq!(cf.describe.orientation, crate::normals::Orientation::Towards([1.0, 2.0, 3.0]));
+    }
+
+    #[test]
+    fn unknown_names_and_wrong_kinds_are_named() {
+        let method: Method = "cf".parse().unwrap();
+        let message = |name, value| method.clone().with([(name, value)]).unwrap_err().to_string();
+        assert!(message("bta", 1.into()).contains("beta"), "{}", message("bta", 1.into()));
+        assert!(message("beta", "x".into()).starts_with("beta = \"x\": "));
+        assert!(message("weights", "x".into()).starts_with("weights = \"x\": must be one of"));
+        assert!(message("method", "icp".into()).contains("no such setting"));
+        assert!(message("neighbors", (-1).into()).starts_with("neighbors = -1: "));
+    }
+}

@@ -1,0 +1,252 @@
+//! The largest clique, by branch and bound.
+//!
+//! As in PMC (Rossi, Gleich and Gebremedhin 2015): a greedy clique along the k-cores is the
+//! first bound; then each vertex in order of degeneracy is searched with its later
+//! neighbours only, pruned by the number of colours (Tomita and Kameda 2007) on rows of
+//! bits.
+
+use super::graph::{Graph, count, members};
+
+/// What a search found.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Clique {
+    /// Vertices, ascending.
+    pub(super) members: Vec<usize>,
+    /// Whether no larger clique exists; false when the search ended at its limit.
+    pub(super) proved: bool,
+}
+
+/// The largest clique of `graph`. The search touches about `steps` words of bits at most,
+/// a limit that is the same on every machine.
+pub(super) fn largest(graph: &Graph, steps: u64) -> Clique {
+    let (order, cores) = degeneracy(graph);
+    let mut best = greedy(graph, &order, &cores);
+    let mut left = steps;
+    let mut later = vec![0; graph.words()];
+    let mut proved = true;
+    // From the densest part outwards: large cliques come early and prune the rest.
+    for &v in order.iter().rev() {
+        if cores[v] >= best.len() {
+            let shared = later.iter().zip(graph.row(v)).map(|(a, b)| a & b).collect::<Vec<u64>>();
+            let able = |&w: &usize| cores[w] >= best.len();
+            let candidates: Vec<usize> = members(&shared).filter(able).collect();
+            if candidates.len() >= best.len() {
+                let part = graph.induced(&candidates);
+                let spent = (candidates.len() * candidates.len()) as u64;
+                let mut search = Search {
+                    graph: &part,
+                    left: left.saturating_sub(spent),
+                    chosen: Vec::new(),
+                    best: Vec::new(),
+                    bound: best.len() - 1,
+                };
+                let all = full(candidates.len(), part.words());
+                proved &= search.expand(all);
+                left = search.left;
+                if !search.best.is_empty() {
+                    best = search.best.iter().map(|&place| candidates[place]).collect();
+                    best.push(v);
+                }
+            }
+        }
+        if !proved {
+            break;
+        }
+        later[v / 64] |= 1 << (v % 64);
+    }
+    best.sort_unstable();
+    Clique { members: best, proved }
+}
+
+fn full(len: usize, words: usize) -> Vec<u64> {
+    let mut bits = vec![0; words];
+    (0..len).for_each(|i| bits[i / 64] |= 1 << (i % 64));
+    bits
+}
+
+/// Vertices from the outermost k-core inwards, and each one's core number: the greatest k
+/// such that it is in a subgraph whose degrees are all at least k (Batagelj and Zaversnik
+/// 2003). A clique of c vertices lies within the core of c − 1.
+fn degeneracy(graph: &Graph) -> (Vec<usize>, Vec<usize>) {
+    let n = graph.len();
+    let mut degrees: Vec<usize> = (0..n).map(|v| graph.degree(v)).collect();
+    let mut bins = vec![Vec::new(); n.max(1)];
+    // Reversed, so that `pop` takes the lowest index first.
+    (0..n).rev().for_each(|v| bins[degrees[v]].push(v));
+    let (mut order, mut cores, mut done) = (Vec::with_capacity(n), vec![0; n], vec![false; n]);
+    let (mut low, mut core) = (0, 0);
+    while order.len() < n {
+        let Some(v) = bins[low].pop() else {
+            low += 1;
+            continue;
+        };
+        // An entry is stale when its vertex was moved to a lower bin.
+        if done[v] || degrees[v] != low {
+            continue;
+        }
+        done[v] = true;
+        core = core.max(low);
+        cores[v] = core;
+        order.push(v);
+        for w in members(graph.row(v)).filter(|&w| !done[w]) {
+            degrees[w] -= 1;
+            bins[degrees[w]].push(w);
+        }
+        low = low.saturating_sub(1);
+    }
+    (order, cores)
+}
+
+/// The best of one greedy clique a vertex: always the candidate of the highest core next.
+fn greedy(graph: &Graph, order: &[usize], cores: &[usize]) -> Vec<usize> {
+    let mut best: Vec<usize> = order.last().copied().into_iter().collect();
+    for &v in order.iter().rev().filter(|&&v| cores[v] > 0).take(GREEDY_STARTS) {
+        if cores[v] < best.len() {
+            continue;
+        }
+        let mut clique = vec![v];
+        let mut candidates: Vec<usize> =
+            members(graph.row(v)).filter(|&w| cores[w] >= best.len()).collect();
+        // Stable: equals stay in order of index.
+        candidates.sort_by(|&a, &b| cores[b].cmp(&cores[a]));
+        for w in candidates {
+            if clique.iter().all(|&u| graph.joined(u, w)) {
+                clique.push(w);
+            }
+        }
+        if clique.len() > best.len() {
+            best = clique;
+        }
+    }
+    best
+}
+
+/// Vertices that a greedy clique is grown from.
+const GREEDY_STARTS: usize = 1000;
+
+struct Search<'a> {
+    graph: &'a Graph,
+    left: u64,
+    chosen: Vec<usize>,
+    best: Vec<usize>,
+    /// Only larger cliques are of interest.
+    bound: usize,
+}
+
+impl Search<'_> {
+    /// Searches the cliques of `chosen` and any of `candidates`; false when the steps ran
+    /// out.
+    fn expand(&mut self, mut candidates: Vec<u64>) -> bool {
+        if self.left == 0 {
+            return false;
+        }
+        let (vertices, colors) = self.color(&candidates);
+        // The last colours first; those before are too few once one is.
+        for (&v, &color) in vertices.iter().zip(&colors).rev() {
+            if self.chosen.len() + color <= self.bound {
+                return true;
+            }
+            self.chosen.push(v);
+            let rest: Vec<u64> =
+                candidates.iter().zip(self.graph.row(v)).map(|(a, b)| a & b).collect();
+            if rest.iter().any(|&word| word != 0) {
+                if !self.expand(rest) {
+                    return false;
+                }
+            } else if self.chosen.len() > self.bound {
+                (self.bound, self.best) = (self.chosen.len(), self.chosen.clone());
+            }
+            self.chosen.pop();
+            candidates[v / 64] &= !(1 << (v % 64));
+        }
+        true
+    }
+
+    /// Colours `candidates` so that neighbours differ; vertices by ascending colour, from 1.
+    /// No clique has more vertices than colours.
+    fn color(&mut self, candidates: &[u64]) -> (Vec<usize>, Vec<usize>) {
+        let size = count(candidates);
+        let (mut vertices, mut colors) = (Vec::with_capacity(size), Vec::with_capacity(size));
+        let mut uncolored = candidates.to_vec();
+        let mut color = 0;
+        while vertices.len() < size {
+            color += 1;
+            let mut free = uncolored.clone();
+            // A vertex only shuts out later ones, so one walk over the words is enough.
+            for at in 0..free.len() {
+                while free[at] != 0 {
+                    let v = 64 * at + free[at].trailing_zeros() as usize;
+                    vertices.push(v);
+                    colors.push(color);
+                    uncolored[at] &= !(1 << (v % 64));
+                    free[at] &= !(1 << (v % 64));
+                    let row = self.graph.row(v);
+                    free[at..].iter_mut().zip(&row[at..]).for_each(|(word, &bits)| *word &= !bits);
+                }
+            }
+        }
+        self.left = self.left.saturating_sub(((size + color) * candidates.len()) as u64);
+        (vertices, colors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn brute(graph: &Graph) -> usize {
+        let clique = |subset: u32| {
+            let members: Vec<usize> = (0..graph.len()).filter(|v| subset >> v & 1 == 1).collect();
+            members.iter().all(|&v| members.iter().all(|&w| v == w || graph.joined(v, w)))
+        };
+        (0..1u32 << graph.len())
+            .filter(|&subset| clique(subset))
+            .map(|subset| subset.count_ones() as usize)
+            .max()
+            .unwrap_or(0)
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_as_large_as_by_brute_force(
+            n in 0..14usize,
+            edges in proptest::collection::vec(0.0..1.0f64, 91),
+            density in 0.05..0.95f64,
+        ) {
+            let edge = |i: usize, j: usize| edges[i.max(j) * (i.max(j) - 1) / 2 + i.min(j)] < density;
+            let graph = Graph::new(n, edge);
+            let found = largest(&graph, u64::MAX);
+            prop_assert!(found.proved);
+            prop_assert_eq!(found.members.len(), brute(&graph));
+            for &v in &found.members {
+                prop_assert!(found.members.iter().all(|&w| v == w || graph.joined(v, w)));
+            }
+        }
+    }
+
+    /// A fixed scramble of pairs into [0, 1).
+    fn noise(i: usize, j: usize) -> f64 {
+        let seed = (i.max(j) * 7919 + i.min(j)) as u64;
+        let mixed = (seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (mixed >> 40) as f64 / (1u64 << 24) as f64
+    }
+
+    #[test]
+    fn a_planted_clique_among_many_is_found_and_proved() {
+        let planted = |v: usize| v.is_multiple_of(37);
+        let edge = |i: usize, j: usize| (planted(i) && planted(j)) || noise(i, j) < 0.05;
+        let graph = Graph::new(1500, edge);
+        let found = largest(&graph, 1_000_000_000);
+        assert!(found.proved);
+        assert_eq!(found.members, (0..1500).filter(|&v| planted(v)).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn without_steps_the_greedy_clique_is_not_proved() {
+        let graph = Graph::new(400, |i, j| noise(i, j) < 0.6);
+        let found = largest(&graph, 1);
+        assert!(!found.proved && found.members.len() > 3);
+        assert_eq!(found, largest(&graph, 1));
+    }
+}

@@ -1,0 +1,101 @@
+//! Matches, and the differences between them that no translation changes.
+
+use crate::math::{self, Vec3};
+use crate::moments::{FullConnection, Moments};
+
+/// Points that may correspond: `source[k]` to `target[k]`, each about its own origin.
+#[derive(Debug, Clone)]
+pub(super) struct Matches {
+    source_origin: Vec3,
+    target_origin: Vec3,
+    pub(super) source: Vec<Vec3>,
+    pub(super) target: Vec<Vec3>,
+}
+
+/// Pairs of points that are each other's nearest by descriptor, or, without the check, every
+/// source point with its nearest target point.
+pub(super) fn similar(connection: &FullConnection, cross_check: bool) -> Vec<(u32, u32)> {
+    let there = connection.nearest_targets();
+    let pairs = there.into_iter().enumerate().map(|(i, j)| (i as u32, j));
+    if !cross_check {
+        return pairs.collect();
+    }
+    let back = connection.nearest_sources();
+    pairs.filter(|&(i, j)| back[j as usize] == i).collect()
+}
+
+impl Matches {
+    /// Of points relative to `origins`, taken about the centroids of the matched ones.
+    pub(super) fn new(
+        pairs: &[(u32, u32)],
+        [source, target]: [&[[f32; 3]]; 2],
+        [source_origin, target_origin]: [Vec3; 2],
+    ) -> Self {
+        let about = |points: Vec<Vec3>, origin: Vec3| {
+            let sum = points.iter().fold([0.0; 3], |sum, &p| math::add(sum, p));
+            let mean = math::scaled(sum, 1.0 / points.len().max(1) as f64);
+            let local = points.into_iter().map(|p| math::sub(p, mean)).collect::<Vec<Vec3>>();
+            (local, math::add(origin, mean))
+        };
+        let place = |points: &[[f32; 3]], i: u32| points[i as usize].map(f64::from);
+        let (source, source_origin) =
+            about(pairs.iter().map(|&(i, _)| place(source, i)).collect(), source_origin);
+        let (target, target_origin) =
+            about(pairs.iter().map(|&(_, j)| place(target, j)).collect(), target_origin);
+        Matches { source_origin, target_origin, source, target }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.source.len()
+    }
+
+    /// The matches named, in that order.
+    pub(super) fn select(&self, indices: &[usize]) -> Matches {
+        Matches {
+            source: indices.iter().map(|&k| self.source[k]).collect(),
+            target: indices.iter().map(|&k| self.target[k]).collect(),
+            ..*self
+        }
+    }
+
+    /// Translation-invariant measurements: differences (aₖₗ, bₖₗ) between each match k and
+    /// the next ones in a ring, as many as `most` allows; all pairs of matches when they
+    /// are no more than that.
+    pub(super) fn differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
+        let n = self.len();
+        let between = |k: usize, l: usize| {
+            (math::sub(self.source[l], self.source[k]), math::sub(self.target[l], self.target[k]))
+        };
+        if n * n.saturating_sub(1) / 2 <= most {
+            return (0..n)
+                .flat_map(|k| (k + 1..n).map(move |l| (k, l)))
+                .map(|(k, l)| between(k, l))
+                .collect();
+        }
+        let reach = (most / n).max(1);
+        (1..=reach)
+            .flat_map(|step| (0..n).map(move |k| (k, (k + step) % n)))
+            .map(|(k, l)| between(k, l))
+            .collect()
+    }
+
+    /// Whether matches `k` and `l` are as far apart in the target as in the source, times
+    /// `scale`, to within `bound`.
+    pub(super) fn consistent(&self, k: usize, l: usize, scale: f64, bound: f64) -> bool {
+        let a = math::norm(math::sub(self.source[l], self.source[k]));
+        let b = math::norm(math::sub(self.target[l], self.target[k]));
+        (b - scale * a).abs() <= bound
+    }
+
+    /// Origins of the source and of the target points.
+    pub(super) fn origins(&self) -> (Vec3, Vec3) {
+        (self.source_origin, self.target_origin)
+    }
+
+    /// Moments of all matches, each with weight 1.
+    pub(super) fn moments(&self) -> Moments {
+        let mut moments = Moments::about(self.source_origin, self.target_origin);
+        self.source.iter().zip(&self.target).for_each(|(&p, &q)| moments.add_pair(1.0, p, q));
+        moments
+    }
+}

@@ -1,0 +1,390 @@
+//! TEASER (Yang, Shi and Carlone 2021).
+
+mod clique;
+mod graph;
+mod matches;
+mod rotation;
+mod voting;
+
+use serde::{Deserialize, Serialize};
+
+use super::prepared::Describe;
+use super::registration::{Counts, Found, PointCounts, Registration, Timings};
+use super::schedule::{Step, StopReason};
+use super::{Method, Register};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+use crate::moments::FullConnection;
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solver};
+use crate::quality::Doubt;
+use crate::search;
+use graph::Graph;
+use matches::Matches;
+use rotation::{Round, Schedule};
+
+/// TEASER (Yang, Shi and Carlone 2021): matches by descriptor, the largest set of them that
+/// keeps distances, then rotation and translation by truncated least squares.
+///
+/// Stands most matches being wrong, without an initial guess. Of the paper's certifiable
+/// part, the certificate of global optimality of the rotation is not here: the answer is
+/// judged by how the clouds lie on each other, as every other.
+///
+/// ```
+/// use cfreg::method::{Register, Teaser};
+/// # use cfreg::experiment::shape::boulder;
+/// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
+/// let registration = Teaser::default().register(&source, &target)?;
+/// println!("{} inliers", registration.effective_connections);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Teaser {
+    /// How points are described.
+    #[serde(flatten)]
+    pub describe: Describe,
+    /// Whether a match must be nearest by descriptor both ways; default yes (the paper,
+    /// section IV-B). No gives more matches, most of them wrong.
+    pub cross_check: bool,
+    /// Largest error β of a right match, in the target's unit, above 0. Default twice the
+    /// resolution of the coarser cloud: the two points of a match are samples of one
+    /// surface, not one point. Lower it for matches that are exact, raise it when few
+    /// agree.
+    pub noise_bound: Option<f64>,
+    /// Whether the clouds may differ in scale; default no. The scale is then voted for by
+    /// ratios of distances (TEASER, section V-A).
+    pub estimate_scale: bool,
+    /// Factor of the control parameter from one solve to the next, above 1 to 100; default
+    /// 1.4 (the paper, section IV-B). Smaller follows the optimum more closely, in more
+    /// iterations.
+    pub gnc_factor: f64,
+    /// Change of the rotation's cost at which it ends, in squared bounds, above 0; default
+    /// 0.005 (the paper, section IV-B).
+    pub cost_threshold: f64,
+    /// Most solves for the rotation, at least 1; default 1000 (the paper, section IV-B).
+    pub max_iterations: u32,
+    /// Most steps of the search for the largest set of consistent matches, in thousands of
+    /// machine words, at least 1; default 5,000,000, about ten seconds. A count and not a
+    /// time, so that the answer is the same everywhere; when it is reached the best set so
+    /// far is taken, with a doubt.
+    pub clique_steps: u64,
+    /// Whether to record every iteration of the rotation: its objective is the truncated
+    /// cost Σ w r²/(2β)² that `cost_threshold` is about.
+    pub trace: bool,
+    /// Threads, 0 for all cores. Never changes the result.
+    pub threads: usize,
+}
+
+impl Default for Teaser {
+    fn default() -> Self {
+        Teaser {
+            describe: Describe::default(),
+            cross_check: true,
+            noise_bound: None,
+            estimate_scale: false,
+            gnc_factor: 1.4,
+            cost_threshold: 0.005,
+            max_iterations: 1000,
+            clique_steps: 5_000_000,
+            trace: false,
+            threads: 0,
+        }
+    }
+}
+
+/// Default noise bound, in resolutions of the coarser cloud.
+const BOUND_IN_RESOLUTIONS: f64 = 2.0;
+/// Most matches: their graph then takes 512 MB.
+const MOST_MATCHES: usize = 1 << 16;
+/// Most differences between matches that the rotation is solved from: all pairs of 500.
+const ROTATION_DIFFERENCES: usize = 125_000;
+/// Most that the scale is voted for by: all pairs of 2000.
+const SCALE_DIFFERENCES: usize = 2_000_000;
+/// Fewest inliers that are believed, whatever chance is: three fix a pose, a fourth and a
+/// fifth confirm it.
+const FEWEST_INLIERS: usize = 5;
+
+impl Teaser {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] that names the setting; those of [`Describe::validate`].
+    pub fn validate(&self) -> Result<()> {
+        self.describe.validate()?;
+        if let Some(bound) = self.noise_bound.filter(|&x| !(x > 0.0 && x <= 1e15)) {
+            return Err(Error::config("noise_bound", bound, "must be above 0 and at most 1e15"));
+        }
+        let x = self.gnc_factor;
+        if !(x > 1.0 && x <= 100.0) {
+            return Err(Error::config("gnc_factor", x, "must be above 1 and at most 100"));
+        }
+        let x = self.cost_threshold;
+        if !(x > 0.0 && x.is_finite()) {
+            return Err(Error::config("cost_threshold", x, "must be above 0 and finite"));
+        }
+        if self.max_iterations == 0 {
+            return Err(Error::config("max_iterations", 0, "must be at least 1"));
+        }
+        if self.clique_steps == 0 {
+            return Err(Error::config("clique_steps", 0, "must be at least 1"));
+        }
+        Ok(())
+    }
+
+    /// The pose from matches that are given: indices of a source and of a target point each.
+    /// Descriptors are not computed.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for an index beyond its cloud, [`Error::TooFewPoints`] when fewer
+    /// than three matches are consistent, [`Error::Degenerate`] when those determine no
+    /// rotation, [`Error::Config`] for a setting out of range or too many matches.
+    pub fn register_matches(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pairs: &[(u32, u32)],
+    ) -> Result<Registration> {
+        par::with_threads(self.threads, || {
+            self.validate()?;
+            check_indices(source, "source point of a match", pairs.iter().map(|pair| pair.0))?;
+            check_indices(target, "target point of a match", pairs.iter().map(|pair| pair.1))?;
+            let (points, origins) = (
+                [source, target].map(PointCloud::points),
+                [source, target].map(PointCloud::origin),
+            );
+            let matches = Matches::new(pairs, points, origins);
+            let counts =
+                PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
+            self.solve(&matches, source, target, counts, Timings::default())
+        })?
+    }
+
+    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.validate()?;
+        let mut times = Timings::default();
+        let source_side = self.describe.prepare(source, "the source", &mut times)?;
+        let target_side = self.describe.prepare(target, "the target", &mut times)?;
+        let (p, q) = (source_side.described(), target_side.described());
+        let matches = times.time("matches", || {
+            let pairs = matches::similar(&FullConnection::new(p, q)?, self.cross_check);
+            Ok::<_, Error>(Matches::new(&pairs, [p.points, q.points], [p.origin, q.origin]))
+        })?;
+        let counts = PointCounts { source: source_side.counts(), target: target_side.counts() };
+        self.solve(&matches, source, target, counts, times)
+    }
+
+    fn solve(
+        &self,
+        matches: &Matches,
+        source: &PointCloud,
+        target: &PointCloud,
+        points: PointCounts,
+        mut times: Timings,
+    ) -> Result<Registration> {
+        check_number(matches.len(), "the list of matches")?;
+        if matches.len() > MOST_MATCHES {
+            let rule = format!("at most {MOST_MATCHES} can be compared: thin the clouds first");
+            return Err(Error::config("matches", matches.len(), rule));
+        }
+        let bound = match self.noise_bound {
+            Some(bound) => bound,
+            None => self.default_bound(source, target)?,
+        };
+        // Both points of a difference may be off.
+        let difference_bound = 2.0 * bound;
+        let scale = match self.estimate_scale {
+            true => times.time("scale", || vote_scale(matches, difference_bound))?,
+            false => 1.0,
+        };
+        let graph = times.time("graph", || {
+            let joined = |k, l| matches.consistent(k, l, scale, difference_bound);
+            Graph::new(matches.len(), joined)
+        });
+        let steps = self.clique_steps.saturating_mul(1000);
+        let clique = times.time("clique", || clique::largest(&graph, steps));
+        check_number(clique.members.len(), "the largest set of consistent matches")?;
+        let mut doubts = Vec::new();
+        if !clique.proved {
+            doubts.push(Doubt::CliqueNotProved { found: clique.members.len() });
+        }
+        let kept = matches.select(&clique.members);
+        let (rounds, settled) = times.time("rotation", || {
+            let mut differences = kept.differences(ROTATION_DIFFERENCES);
+            differences.iter_mut().for_each(|(a, _)| *a = math::scaled(*a, scale));
+            rotation::solve(&differences, difference_bound, self.schedule())
+        })?;
+        let pose = |round: &Round| translated(&kept, &round.rotation, scale, bound);
+        let transform = rounds.last().map_or(Transform::IDENTITY, pose);
+        let inliers = inliers(&kept, &transform, bound);
+        let needed = beyond_chance(matches.len(), graph.density()).max(FEWEST_INLIERS);
+        if inliers.len() < needed {
+            doubts.push(Doubt::FewInliers { found: inliers.len(), needed });
+        }
+        // Without inliers the clique is what the pose rests on.
+        let held = if inliers.is_empty() { kept.clone() } else { kept.select(&inliers) };
+        let moments = held.moments();
+        let singular_values = match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
+            Ok(solution) => solution.singular_values,
+            // Too few inliers for a pose of their own: a doubt, for the clique had one.
+            Err(Error::Degenerate { singular_values, .. }) => singular_values,
+            Err(error) => return Err(error),
+        };
+        let step = |(k, round): (usize, &Round)| Step {
+            iteration: k as u32 + 1,
+            transform: pose(round),
+            objective: round.cost,
+            weight: round.weight,
+            bandwidth: None,
+        };
+        let trace =
+            if self.trace { rounds.iter().enumerate().map(step).collect() } else { Vec::new() };
+        let found = Found {
+            transform,
+            moments,
+            singular_values,
+            connections: matches.len() as u64,
+            iterations: rounds.len() as u32,
+            stop: if settled { StopReason::ObjectiveSettled } else { StopReason::IterationLimit },
+            trace,
+            points,
+            times,
+            config: Method::Teaser(Teaser { noise_bound: Some(bound), ..self.clone() }),
+            doubts,
+        };
+        Registration::conclude(found, source, target)
+    }
+
+    fn schedule(&self) -> Schedule {
+        Schedule {
+            factor: self.gnc_factor,
+            cost_threshold: self.cost_threshold,
+            max_iterations: self.max_iterations,
+        }
+    }
+
+    /// With an unknown scale only the target's resolution is in the target's unit.
+    fn default_bound(&self, source: &PointCloud, target: &PointCloud) -> Result<f64> {
+        let mut resolution = search::resolution(target.points())?;
+        if !self.estimate_scale {
+            resolution = resolution.max(search::resolution(source.points())?);
+        }
+        if resolution > 0.0 {
+            return Ok(BOUND_IN_RESOLUTIONS * resolution);
+        }
+        let rule = "most points have a double, so that the clouds say nothing about it: set it";
+        Err(Error::config("noise_bound", "none", rule))
+    }
+}
+
+impl Register for Teaser {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        par::with_threads(self.threads, || self.run(source, target))?
+    }
+}
+
+fn check_indices(cloud: &PointCloud, what: &str, indices: impl Iterator<Item = u32>) -> Result<()> {
+    match indices.max().map(|index| index as usize).filter(|&index| index >= cloud.len()) {
+        Some(found) => Err(Error::Shape { what: what.into(), expected: cloud.len(), found }),
+        None => Ok(()),
+    }
+}
+
+fn check_number(found: usize, what: &str) -> Result<()> {
+    if found < 3 {
+        return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
+    }
+    Ok(())
+}
+
+/// The scale by adaptive voting over ‖b‖/‖a‖ with bounds 2β/‖a‖ (TEASER, eq. 10).
+fn vote_scale(matches: &Matches, difference_bound: f64) -> Result<f64> {
+    let ratio = |(a, b): (Vec3, Vec3)| {
+        let length = math::norm(a);
+        (length > 0.0).then(|| (math::norm(b) / length, difference_bound / length))
+    };
+    let ratios: Vec<(f64, f64)> =
+        matches.differences(SCALE_DIFFERENCES).into_iter().filter_map(ratio).collect();
+    match voting::consensus(&ratios).filter(|&scale| scale > 0.0 && scale.is_finite()) {
+        Some(scale) => Ok(scale),
+        None => Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] }),
+    }
+}
+
+/// The pose with this rotation, its translation voted for axis by axis (TEASER, section
+/// V-C).
+fn translated(matches: &Matches, rotation: &math::Mat3, scale: f64, bound: f64) -> Transform {
+    let turn = |p: Vec3| math::scaled(math::mat_vec(rotation, p), scale);
+    let axis = |a: usize| {
+        let pairs = matches.source.iter().zip(&matches.target);
+        let rests: Vec<(f64, f64)> = pairs.map(|(&p, q)| (q[a] - turn(p)[a], bound)).collect();
+        voting::consensus(&rests).unwrap_or_default()
+    };
+    // From the matches' origins back to the clouds' frames.
+    let (source_origin, target_origin) = matches.origins();
+    let shift = math::add([0, 1, 2].map(axis), math::sub(target_origin, turn(source_origin)));
+    Transform { rotation: *rotation, translation: shift, scale }
+}
+
+/// Matches whose error is within the bound along every axis.
+fn inliers(matches: &Matches, transform: &Transform, bound: f64) -> Vec<usize> {
+    let (source_origin, target_origin) = matches.origins();
+    let shift = math::sub(transform.apply(source_origin), target_origin);
+    let within = |&k: &usize| {
+        let turned = math::scaled(transform.rotate(matches.source[k]), transform.scale);
+        let rest = math::sub(math::add(turned, shift), matches.target[k]);
+        rest.iter().all(|x| x.abs() <= bound)
+    };
+    (0..matches.len()).filter(within).collect()
+}
+
+/// Size from which a set of consistent matches is hardly chance, of `matches` of whose
+/// pairs the share `density` is consistent.
+///
+/// k points in space have 3k − 6 independent distances, so that chance makes about
+/// C(n, k) density^(3k − 6) sets of k consistent. The least k beyond the crest of that
+/// number where it is below 1/100.
+fn beyond_chance(matches: usize, density: f64) -> usize {
+    let n = matches as f64;
+    let mut logarithm = 0.0;
+    for k in 1..=matches {
+        // ln C(n, k), term by term.
+        logarithm += ((n - k as f64 + 1.0) / k as f64).ln();
+        let sets = logarithm + (3.0 * k as f64 - 6.0) * density.ln();
+        let growth = ((n - k as f64) / (k as f64 + 1.0)).ln() + 3.0 * density.ln();
+        if k > 3 && growth < 0.0 && sets < -100f64.ln() {
+            return k;
+        }
+    }
+    matches + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let field = |teaser: Teaser| match teaser.validate() {
+            Err(Error::Config { field, .. }) => field,
+            other => panic!("{other:?}"),
+        };
+        let teaser = Teaser::default;
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(field(Teaser { noise_bound: Some(bad), ..teaser() }), "noise_bound");
+            assert_eq!(field(Teaser { gnc_factor: bad, ..teaser() }), "gnc_factor");
+            assert_eq!(field(Teaser { cost_threshold: bad, ..teaser() }), "cost_threshold");
+        }
+        assert_eq!(field(Teaser { max_iterations: 0, ..teaser() }), "max_iterations");
+        assert_eq!(field(Teaser { clique_steps: 0, ..teaser() }), "clique_steps");
+        assert!(teaser().validate().is_ok());
+    }
+
+    #[test]
+    fn more_agreeing_pairs_call_for_more_inliers() {
+        assert!(beyond_chance(1000, 0.01) <= FEWEST_INLIERS);
+        assert!(beyond_chance(1000, 0.05) < beyond_chance(1000, 0.1));
+        assert_eq!(beyond_chance(10, 1.0), 10 + 1);
+    }
+}

@@ -1,0 +1,79 @@
+//! Adaptive voting: the truncated least-squares estimate of one number, exactly.
+
+/// The x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds
+/// αᵢ > 0 (TEASER, section V, with c̄ = 1); `None` without measurements.
+///
+/// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ:
+/// between two of them the best x is the weighted mean of that set, so that running sums
+/// over the sorted ends find the global optimum in O(n log n).
+pub(super) fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
+    // About one of them, so that squares keep their digits.
+    let origin = measurements.first()?.0;
+    let mut ends: Vec<(f64, bool, usize)> = Vec::with_capacity(2 * measurements.len());
+    for (i, &(x, bound)) in measurements.iter().enumerate() {
+        ends.push((x - origin - bound, false, i));
+        ends.push((x - origin + bound, true, i));
+    }
+    // Intervals are closed: at equal places one begins before another ends.
+    ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let (mut count, mut sums) = (0usize, [0.0; 3]);
+    let (mut least, mut best) = (f64::INFINITY, 0.0);
+    for (_, leaves, i) in ends {
+        let (x, bound) = measurements[i];
+        let (x, weight) = (x - origin, 1.0 / (bound * bound));
+        let sign = if leaves { -1.0 } else { 1.0 };
+        for (sum, term) in sums.iter_mut().zip([weight, weight * x, weight * x * x]) {
+            *sum += sign * term;
+        }
+        count = if leaves { count - 1 } else { count + 1 };
+        if count == 0 {
+            sums = [0.0; 3];
+            continue;
+        }
+        let mean = sums[1] / sums[0];
+        let inside = (sums[2] - sums[1] * mean).max(0.0);
+        let cost = inside + (measurements.len() - count) as f64;
+        if cost < least {
+            (least, best) = (cost, mean);
+        }
+    }
+    Some(origin + best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn cost(x: f64, measurements: &[(f64, f64)]) -> f64 {
+        measurements.iter().map(|&(y, bound)| ((x - y) / bound).powi(2).min(1.0)).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn no_place_is_better(
+            measurements in proptest::collection::vec((-10.0..10.0f64, 0.05..3.0f64), 1..12),
+        ) {
+            let found = cost(consensus(&measurements).unwrap(), &measurements);
+            // Every subset's weighted mean: the optimum is one of them.
+            for subset in 1..1u32 << measurements.len() {
+                let inside = (0..measurements.len()).filter(|i| subset >> i & 1 == 1);
+                let (mut weight, mut sum) = (0.0, 0.0);
+                for (x, bound) in inside.map(|i| measurements[i]) {
+                    weight += 1.0 / (bound * bound);
+                    sum += x / (bound * bound);
+                }
+                prop_assert!(found <= cost(sum / weight, &measurements) + 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn ninety_of_a_hundred_may_be_wrong() {
+        let wrong = (0..90).map(|i| (f64::from(i) * 3.0, 0.1));
+        let right = (0..10).map(|i| (100.5 + 0.01 * f64::from(i), 0.1));
+        let found = consensus(&wrong.chain(right).collect::<Vec<_>>()).unwrap();
+        assert!((found - 100.545).abs() < 1e-9, "{found}");
+        assert_eq!(consensus(&[]), None);
+    }
+}

@@ -1,0 +1,141 @@
+//! Coherent Point Drift: what it finds, how the answer follows the clouds, where it fails.
+
+mod common;
+
+use cfreg::experiment::shape::boulder;
+use cfreg::method::{Cpd, Refine, Register, Registration, StopReason};
+use cfreg::pose::ScaleEstimate;
+use cfreg::{Error, PointCloud, Transform, math, quality};
+
+fn pair(vector: [f64; 3], scale: f64) -> (PointCloud, PointCloud, Transform) {
+    let truth = Transform {
+        translation: [0.3, -0.2, 0.1],
+        scale,
+        ..Transform::from_rotation_vector(vector)
+    };
+    let target = boulder().sample(500, 2).unwrap().transformed(&truth).unwrap();
+    (boulder().sample(600, 1).unwrap(), target, truth)
+}
+
+fn register(cpd: &Cpd, source: &PointCloud, target: &PointCloud) -> Registration {
+    cpd.register(source, target).unwrap()
+}
+
+fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
+    let error = quality::truth_error(a, b, source.centroid());
+    (error.rotation_deg, error.translation)
+}
+
+#[test]
+fn moderate_rotations_are_found() {
+    let (source, target, truth) = pair([0.2, 0.3, -0.1], 1.0);
+    for outliers in [0.0, 0.1, 0.5] {
+        let found = register(&Cpd { outliers, ..Cpd::default() }, &source, &target);
+        let (angle, shift) = apart(&found.transform, &truth, &source);
+        assert!(angle < 5.0 && shift < 0.05, "{outliers}: {angle} {shift} {:?}", found.stop);
+    }
+}
+
+#[test]
+fn scale_is_found_when_asked_for() {
+    let (source, target, truth) = pair([0.2, 0.1, -0.1], 1.3);
+    let cpd = Cpd { scale: ScaleEstimate::Umeyama, ..Cpd::default() };
+    let found = register(&cpd, &source, &target);
+    assert!((found.transform.scale / truth.scale - 1.0).abs() < 0.03, "{}", found.transform.scale);
+}
+
+#[test]
+fn identical_clouds_give_the_identity() {
+    let (source, ..) = pair([0.0; 3], 1.0);
+    for truncation in [0.0, 1e-7] {
+        for outliers in [0.0, 0.1] {
+            let cpd = Cpd { truncation, outliers, ..Cpd::default() };
+            let found = register(&cpd, &source, &source);
+            let (angle, shift) = apart(&found.transform, &Transform::IDENTITY, &source);
+            assert!(angle < 1e-2 && shift < 1e-4, "{truncation} {outliers}: {angle} {shift}");
+            assert!(found.trusted, "{:?} {:?}", found.stop, found.doubts);
+        }
+    }
+}
+
+#[test]
+fn the_likelihood_never_falls() {
+    let (source, target, _) = pair([0.2, 0.3, -0.1], 1.0);
+    let found = register(&Cpd { trace: true, ..Cpd::default() }, &source, &target);
+    assert_eq!(found.trace.len(), found.iterations as usize);
+    for step in found.trace.windows(2) {
+        assert!(step[1].objective <= step[0].objective + 1e-5, "{step:?}");
+    }
+}
+
+#[test]
+fn search_and_tiles_give_the_same_pose() {
+    let (source, target, _) = pair([0.1, 0.3, -0.1], 1.0);
+    let [fast, exact] = [1e-7, 0.0]
+        .map(|truncation| register(&Cpd { truncation, ..Cpd::default() }, &source, &target));
+    let (angle, shift) = apart(&fast.transform, &exact.transform, &source);
+    assert!(angle < 0.05 && shift < 1e-3, "{angle} {shift}");
+}
+
+#[test]
+fn the_pose_follows_the_unit_and_a_map_offset() {
+    let (source, target, _) = pair([0.2, 0.3, -0.1], 1.0);
+    let still = register(&Cpd::default(), &source, &target).transform;
+    for unit in [1e-3, 1e4] {
+        let change = Transform { scale: unit, ..Transform::IDENTITY };
+        let clouds = [&source, &target].map(|cloud| cloud.transformed(&change).unwrap());
+        let found = register(&Cpd::default(), &clouds[0], &clouds[1]).transform;
+        let turned = math::frobenius(&math::mat_sub(&found.rotation, &still.rotation));
+        assert!(turned < 1e-3, "{unit}: {turned}");
+    }
+    let far = Transform::rigid(math::IDENTITY, [5e5, 5.6e6, 0.0]);
+    let clouds = [&source, &target].map(|cloud| cloud.transformed(&far).unwrap());
+    let found = register(&Cpd::default(), &clouds[0], &clouds[1]).transform;
+    let turned = math::frobenius(&math::mat_sub(&found.rotation, &still.rotation));
+    assert!(turned < 1e-3, "{turned}");
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let (source, target, _) = pair([0.2, 0.3, -0.1], 1.0);
+    let run = |threads| {
+        let found = register(&Cpd { threads, ..Cpd::default() }, &source, &target);
+        (found.transform, found.moments)
+    };
+    let first = run(1);
+    assert!([2, 3, 7].into_iter().all(|threads| run(threads) == first));
+}
+
+#[test]
+fn large_rotations_fail_and_are_doubted() {
+    for vector in [[0.0, 0.0, 3.0], [2.6, 0.0, 0.5], [0.0, 2.8, 0.0]] {
+        let (source, target, truth) = pair(vector, 1.0);
+        let found = register(&Cpd::default(), &source, &target);
+        let (angle, _) = apart(&found.transform, &truth, &source);
+        assert!(angle > 20.0 && !found.trusted, "{vector:?}: {angle} {:?}", found.evaluation);
+    }
+}
+
+#[test]
+fn a_narrow_start_keeps_a_good_guess() {
+    let (source, target, truth) = pair([0.0, 0.0, 3.0], 1.0);
+    let cpd = Cpd { sigma: Some(0.1), ..Cpd::default() };
+    let found = cpd.refine(&source, &target, &truth).unwrap();
+    let (angle, _) = apart(&found.transform, &truth, &source);
+    assert!(angle < 5.0 && found.stop != StopReason::IterationLimit, "{angle}");
+}
+
+#[test]
+fn odd_clouds_are_refused() {
+    let (source, ..) = pair([0.0; 3], 1.0);
+    let cloud = |points: &[[f64; 3]]| PointCloud::new(points).unwrap();
+    let few = cloud(&[[0.0; 3], [1.0; 3]]);
+    for (a, b) in [(&few, &source), (&source, &few)] {
+        assert!(matches!(Cpd::default().register(a, b), Err(Error::TooFewPoints { .. })));
+    }
+    let line: Vec<_> = (0..50).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+    assert!(matches!(
+        Cpd::default().register(&cloud(&line), &source),
+        Err(Error::Degenerate { .. })
+    ));
+}

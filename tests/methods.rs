@@ -1,0 +1,135 @@
+//! What every method promises, whichever it is.
+
+use cfreg::experiment::shape::boulder;
+use cfreg::math;
+use cfreg::method::{Chain, Method, Register};
+use cfreg::quality::truth_error;
+use cfreg::{Error, PointCloud, Transform};
+
+/// Two samples of one surface, the second one turned by `angle` radians.
+fn pair(points: usize, angle: f64) -> (PointCloud, PointCloud, Transform) {
+    let axis = math::normalized([0.3, 0.9, -0.2]);
+    let truth = Transform {
+        translation: [0.05, -0.03, 0.02],
+        ..Transform::from_rotation_vector(math::scaled(axis, angle))
+    };
+    let seen = |seed| boulder().sample(points, seed).unwrap().with_viewpoint([0.0; 3]).unwrap();
+    (seen(1), seen(2).transformed(&truth).unwrap(), truth)
+}
+
+fn methods() -> Vec<Method> {
+    let method = |name: &&str| {
+        let method: Method = name.parse().unwrap();
+        // The clouds are small: so are the neighbourhoods that descriptors need.
+        method.clone().with([("neighbors", 60.into())]).unwrap_or(method)
+    };
+    Method::NAMES.iter().map(method).collect()
+}
+
+/// A few iterations: enough for promises that hold step by step.
+fn short(method: Method) -> Method {
+    match method.name() {
+        "cf" | "cfk" | "teaser" => method,
+        _ => method.with([("max_iterations", 8.into())]).unwrap(),
+    }
+}
+
+#[test]
+fn every_method_finds_a_small_motion() {
+    let (source, target, truth) = pair(800, 0.12);
+    for method in methods() {
+        let found = method.register(&source, &target).unwrap();
+        let error = truth_error(&found.transform, &truth, source.centroid());
+        let name = method.name();
+        // Right: within 10 degrees and 5 % of the size.
+        let near = error.translation < 0.05 * source.diagonal();
+        assert!(error.rotation_deg < 10.0 && near, "{name}: {error:?}");
+        assert_eq!(found.method, found.config.name());
+    }
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let (source, target, _) = pair(400, 0.3);
+    for method in methods().into_iter().map(short) {
+        let run = |threads: usize| {
+            let method = method.clone().with([("threads", threads.into())]).unwrap();
+            let found = method.register(&source, &target).unwrap();
+            (found.transform, found.moments, found.iterations)
+        };
+        let first = run(1);
+        for threads in [1, 2, 3, 7] {
+            assert_eq!(first, run(threads), "{} on {threads}", method.name());
+        }
+    }
+}
+
+#[test]
+fn the_unit_does_not_matter() {
+    let (source, target, _) = pair(400, 0.3);
+    // The paper's bound of ICP is a length.
+    let without_length = |method: &Method| *method != "icp-paper".parse().unwrap();
+    for method in methods().into_iter().filter(without_length).map(short) {
+        let one = method.register(&source, &target).unwrap().transform;
+        for unit in [1.0 / 1024.0, 4096.0] {
+            let scaled = |cloud: &PointCloud| {
+                let points: Vec<_> = cloud.positions().map(|p| math::scaled(p, unit)).collect();
+                let at = math::scaled(cloud.viewpoint().unwrap(), unit);
+                PointCloud::new(&points).unwrap().with_viewpoint(at).unwrap()
+            };
+            let other = method.register(&scaled(&source), &scaled(&target));
+            let other = other.unwrap_or_else(|e| panic!("{}: {e}", method.name())).transform;
+            let apart = math::frobenius(&math::mat_sub(&one.rotation, &other.rotation));
+            assert!(apart < 1e-4, "{} at {unit}: {apart:e}", method.name());
+        }
+    }
+}
+
+#[test]
+fn odd_clouds_are_errors_or_doubted() {
+    let (cloud, ..) = pair(300, 0.0);
+    let few = PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]]).unwrap();
+    let lump = PointCloud::new(&[[1.0, 2.0, 3.0]; 50]).unwrap();
+    let line: Vec<_> = (0..200).map(|i| [0.01 * f64::from(i), 0.0, 0.0]).collect();
+    let line = PointCloud::new(&line).unwrap();
+    for method in methods().into_iter().map(short) {
+        let name = method.name();
+        for (a, b) in [(&few, &cloud), (&cloud, &few), (&PointCloud::default(), &cloud)] {
+            let found = method.register(a, b);
+            assert!(matches!(found, Err(Error::TooFewPoints { .. })), "{name}: {found:?}");
+        }
+        for odd in [&lump, &line] {
+            for (a, b) in [(odd, &cloud), (&cloud, odd), (odd, odd)] {
+                let trusted = method.register(a, b).is_ok_and(|found| found.trusted);
+                assert!(!trusted, "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn methods_that_start_from_a_pose_say_when_they_end_in_a_wrong_one() {
+    for angle in [1.8, 2.5, 3.1] {
+        let (source, target, truth) = pair(1500, angle);
+        for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
+            let method: Method = name.parse().unwrap();
+            let Ok(found) = method.register(&source, &target) else { continue };
+            let error = truth_error(&found.transform, &truth, source.centroid()).rotation_deg;
+            assert!(error < 20.0 || !found.trusted, "{name} from {angle}: {error:.0} deg");
+        }
+    }
+}
+
+#[test]
+fn a_chain_refines_what_one_step_found() {
+    let (source, target, truth) = pair(1500, 2.5);
+    for refinement in ["icp", "plane-icp", "gicp", "kc", "cpd"] {
+        let chain = Chain::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
+        let found = chain.register(&source, &target).unwrap();
+        let error = |pose| truth_error(pose, &truth, source.centroid()).rotation_deg;
+        let before = found.refined_from.as_ref().unwrap();
+        let (first, last) = (error(&before.transform), error(&found.transform));
+        assert!(found.trusted && last < 1.0 && last < first, "{refinement}: {first} to {last}");
+    }
+    assert!(Chain::new("cf".parse().unwrap(), vec!["teaser".parse().unwrap()]).is_err());
+}
