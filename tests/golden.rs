@@ -6,9 +6,6 @@
 
 mod common;
 
-use std::fs;
-use std::path::Path;
-
 use cfreg::descriptor::{self, BINS, HistogramScale};
 use cfreg::math::{Mat3, Vec3};
 use cfreg::moments::{Described, FullConnection, Moments};
@@ -18,8 +15,8 @@ use cfreg::search::{Neighborhood, Neighbors};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Descriptors, Error, PointCloud, Transform};
 use common::compare::{moments_differ_by, poses_differ_by, rows_differ_by};
+use common::golden::read;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
 /// f64 arithmetic on the same numbers, then half a unit in the last place of an f32 in
 /// [½, 1): a coordinate of a normal.
@@ -32,12 +29,6 @@ const WEIGHT: f64 = 2e-7;
 /// f32 distances by the product, |a|² + |b|² − 2ab, are off by some 1e-7 of |a|² ≈ 2000.
 /// Relative to β that is the error of a weight; it averages out in part.
 const MOMENTS_TIMES_BETA: f64 = 1e-3;
-
-fn read<T: DeserializeOwned>(case: &str, part: &str) -> T {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(case);
-    let text = fs::read_to_string(folder.join(part).with_extension("json")).unwrap();
-    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{case}/{part}: {error}"))
-}
 
 /// [`Moments`] as the files name them.
 #[derive(Deserialize)]

@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod files;
+pub mod golden;
 pub mod scans;
 pub mod sides;
 

@@ -10,7 +10,6 @@ prints what differs. Exit code 1 when a bound is exceeded, 0 when PCL is missing
 import argparse
 import importlib
 import importlib.util
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ sys.path.insert(0, str(HERE.parent))
 
 import reference as ref  # noqa: E402
 import scans  # noqa: E402
+from pcl.programs import build  # noqa: E402
 from stages import TIE, angles  # noqa: E402
 from surfaces import VIEWPOINT, as_f32, relief  # noqa: E402
 
@@ -44,7 +44,7 @@ def main():
     arguments.add_argument("--neighbors", type=int, default=ref.NEIGHBORS)
     options = arguments.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        program = build(Path(folder))
+        program = build("export_features")
         if program is None:
             print("skipped: libpcl-dev is not installed")
             return 0
@@ -56,21 +56,6 @@ def main():
     for line in exceeded:
         print("exceeded:", line)
     return 1 if exceeded else 0
-
-
-def build(folder):
-    """The program, or None where there is no CMake or no PCL to build it with."""
-    if shutil.which("cmake") is None:
-        return None
-    configured = subprocess.run(
-        ["cmake", "-S", str(HERE), "-B", str(folder)], capture_output=True, text=True
-    )
-    if configured.returncode != 0:
-        if "PCLConfig.cmake" in configured.stderr:
-            return None
-        sys.exit(f"CMake failed:\n{configured.stderr}")
-    subprocess.run(["cmake", "--build", str(folder)], check=True, stdout=subprocess.DEVNULL)
-    return folder / "export_features"
 
 
 def run(program, folder, points, normals, k):
