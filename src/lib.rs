@@ -22,5 +22,5 @@ pub mod quality;
 pub mod search;
 pub mod weight;
 
-pub use cloud::{Descriptors, PointCloud, Transform};
+pub use cloud::{Descriptors, Mesh, PointCloud, Transform};
 pub use error::{Error, Result};

@@ -19,16 +19,7 @@ else
 fi
 
 step "the reference's environment"
-venv=target/python
-python3 -m venv "$venv"
-python="$PWD/$venv/bin/python"
-"$python" -m pip install --quiet --disable-pip-version-check -r python-ref/requirements.txt
-# Open3D's wheel loads libraries of the system that a bare Debian does not have.
-if ! "$python" -c "import open3d" 2>/dev/null && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-    apt-get update -qq
-    apt-get install -y -qq libusb-1.0-0 libgl1 libegl1 libgomp1 libx11-6 >/dev/null
-fi
-(cd python-ref && "$python" system_libraries.py)
+source python-ref/environment.sh python-ref/requirements-peers.txt
 
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)
@@ -38,6 +29,9 @@ step "the Python module, and the three side by side: module, reference, Open3D"
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
 "$python" -m unittest discover tests/python
 (cd python-ref && "$python" compare.py)
+
+step "the methods beside their peers, in small"
+(cd python-ref && "$python" -m peers --smoke)
 
 step "the data folder"
 "$python" -m unittest discover data

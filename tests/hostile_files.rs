@@ -117,6 +117,38 @@ fn ply_bodies() {
 }
 
 /// A PCD header with one entry replaced, or left out when `with` is empty.
+#[test]
+fn ply_meshes() {
+    let three = vertices("3");
+    let face = |rest: &str| format!("{three}element face {rest}");
+    let list = "1\nproperty list uchar int vertex_indices\n";
+    let points = "0 0 0\n1 0 0\n0 nan 0\n";
+    let cases: [(String, &str, &[&str]); 8] = [
+        (three.clone(), "", &["no faces"]),
+        (face("1\n"), "", &["no list vertex_indices"]),
+        (face("1\nproperty list uchar int others\n"), "3 0 1 2\n", &["no list vertex_indices"]),
+        (face(list), "3 0 1 3\n", &["face 0 names vertex 3 of 3"]),
+        (face(list), "3 0 1 -1\n", &["face 0 names vertex -1 of 3"]),
+        (face(list), "3 0 1 2\n", &["corner 2", "not finite"]),
+        (face(list), "4000000000 0 1 2\n", &["line 13", "ends before property vertex_indices"]),
+        (face("999999999\nproperty list uchar int vertex_indices\n"), "3 0 1 2\n", &["claims"]),
+    ];
+    for (elements, body, parts) in cases {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join("mesh.ply");
+        fs::write(&path, ply("ascii", &elements, (points.to_string() + body).as_bytes())).unwrap();
+        let error = match io::read_mesh(&path) {
+            Err(error @ Error::Parse { .. }) => error.to_string(),
+            other => panic!("{parts:?}: {other:?}"),
+        };
+        assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
+    }
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("cloud.xyz");
+    fs::write(&path, "0 0 0\n").unwrap();
+    assert!(io::read_mesh(&path).unwrap_err().to_string().contains("is not PLY"));
+}
+
 fn pcd(entry: &str, with: &str, data: &str, body: &[u8]) -> Vec<u8> {
     let entries =
         ["VERSION .7", "FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", "WIDTH 2"];
@@ -300,7 +332,7 @@ proptest! {
             Ok(cloud) => prop_assert!(cloud.len() + cloud.dropped() <= file.len()),
             Err(error) => prop_assert!(error.to_string().len() < 1000),
         }
-        let _ = io::read_transform(&path);
+        let _ = (io::read_transform(&path), io::read_mesh(&path));
     }
 
     #[test]
@@ -313,6 +345,6 @@ proptest! {
         let path = folder.path().join("noise").with_extension(extension);
         fs::write(&path, [start.as_bytes(), &rest].concat()).unwrap();
         let _ = io::read(&path);
-        let _ = io::read_transform(&path);
+        let _ = (io::read_transform(&path), io::read_mesh(&path));
     }
 }

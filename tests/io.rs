@@ -157,6 +157,42 @@ fn ply_elements_lists_and_extra_properties_are_skipped() {
 }
 
 #[test]
+fn faces_become_triangles_in_every_encoding() {
+    let header = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement sensor 1\nproperty list uchar int beams\n\
+             element vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+             element face 3\nproperty uchar quality\nproperty list uchar int vertex_indices\n\
+             end_header\n"
+        )
+    };
+    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5; 3]];
+    let faces: [&[i32]; 3] = [&[0, 1, 2, 3], &[0, 1, 4], &[2, 3]];
+    let ascii = "2 7 7\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n.5 .5 .5\n9 4 0 1 2 3\n9 3 0 1 4\n9 2 2 3\n";
+    let mut files = vec![(header("ascii") + ascii).into_bytes()];
+    for big in [false, true] {
+        let number = |x: i32| if big { x.to_be_bytes() } else { x.to_le_bytes() };
+        let float = |x: f32| if big { x.to_be_bytes() } else { x.to_le_bytes() };
+        let name = if big { "binary_big_endian" } else { "binary_little_endian" };
+        let mut file = header(name).into_bytes();
+        file.push(2);
+        [7, 7].iter().for_each(|&beam| file.extend(number(beam)));
+        points.as_flattened().iter().for_each(|&x| file.extend(float(x)));
+        for face in faces {
+            file.extend([9, face.len() as u8]);
+            face.iter().for_each(|&corner| file.extend(number(corner)));
+        }
+        files.push(file);
+    }
+    for content in files {
+        let (_folder, path) = file("mesh.ply", content);
+        let mesh = io::read_mesh(path).unwrap();
+        assert_eq!(mesh.vertices, points.map(|p| p.map(f64::from)));
+        assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
+    }
+}
+
+#[test]
 fn ascii_keeps_digits_that_a_float_would_lose() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
                property float z\nend_header\n5600000.25 1 2\n";
@@ -337,6 +373,16 @@ fn known_scans_have_their_known_counts() {
     for (name, count) in counts {
         let cloud = io::read(data.join(name)).unwrap();
         assert_eq!((cloud.len(), cloud.dropped()), (count, 0), "{name}");
+    }
+}
+
+#[test]
+fn real_meshes_have_their_published_faces() {
+    let Some(data) = common::shared_data() else { return };
+    for (name, faces) in [("bun_zipper.ply", 69_451), ("dragon_vrip_res2.ply", 202_520)] {
+        let mesh = io::read_mesh(data.join("stanford_meshes").join(name)).unwrap();
+        assert_eq!(mesh.faces.len(), faces, "{name}");
+        assert!(mesh.sample(500, 0).unwrap().len() == 500);
     }
 }
 

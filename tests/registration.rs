@@ -255,7 +255,8 @@ fn a_real_scan_gives_the_papers_accuracy() {
     let model = cfreg::io::read(data.join("stanford_bunny/bun000.ply")).unwrap();
     let protocol = cfreg::experiment::accuracy::Protocol { trials: 30, ..Default::default() };
     let method: cfreg::method::Method = "cf".parse().unwrap();
-    let report = cfreg::experiment::accuracy::run(&model, &method, protocol, |_| {}).unwrap();
+    let report =
+        cfreg::experiment::accuracy::run(&model.into(), &method, protocol, |_| {}).unwrap();
     let (mean, _) = report.statistics(|error| error.rotation_frobenius);
     // Table II, bunny, large rotation: 0.18 ± 0.14.
     assert!(report.failures() == 0 && mean < 0.18 + 0.14, "{mean}");

@@ -12,6 +12,7 @@ use super::register::summary;
 use super::{Outcome, matrix_text, print, print_json, progress, say};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
+use crate::experiment::Model;
 use crate::experiment::accuracy::{Motion, Protocol, Report, run};
 use crate::experiment::shape::boulder;
 use crate::io;
@@ -53,7 +54,7 @@ impl Demo {
         let source = mesh.sample(self.points, first)?;
         let target = mesh.sample(self.points, second)?;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let mut truth = Motion::Large.draw(&source, &mut rng);
+        let mut truth = Motion::Large.draw(source.centroid(), &mut rng);
         truth.translation = [2.0, -1.0, 0.5];
         // Both were "seen" from where the shape has its zero.
         let source = source.with_viewpoint([0.0; 3])?;
@@ -91,6 +92,9 @@ impl Demo {
 pub(super) struct Accuracy {
     /// Model to sample: a cloud of at least --points points
     model: PathBuf,
+    /// Sample the faces of a PLY mesh evenly by area, as the paper does, not its points
+    #[arg(long)]
+    by_area: bool,
     #[command(flatten)]
     method: MethodOptions,
     /// Pairs to register
@@ -114,7 +118,10 @@ pub(super) struct Accuracy {
 impl Accuracy {
     pub(super) fn run(&self) -> Result<Outcome> {
         let method = self.method.method()?;
-        let model = io::read(&self.model)?;
+        let model: Model = match self.by_area {
+            true => io::read_mesh(&self.model)?.into(),
+            false => io::read(&self.model)?.into(),
+        };
         let Accuracy { trials, points, motion, seed, .. } = *self;
         let bar = progress(trials as u64, "trials");
         let protocol = Protocol { trials, points, motion, seed };

@@ -1,9 +1,12 @@
-//! Data types that everything shares: [`PointCloud`], [`Transform`], [`Descriptors`].
+//! Data types that everything shares: [`PointCloud`], [`Mesh`], [`Transform`],
+//! [`Descriptors`].
 
 mod descriptors;
+mod mesh;
 mod point_cloud;
 mod transform;
 
 pub use descriptors::Descriptors;
+pub use mesh::{MOST_POINTS, Mesh};
 pub use point_cloud::PointCloud;
 pub use transform::Transform;

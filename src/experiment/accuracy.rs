@@ -3,15 +3,14 @@
 use std::fmt;
 use std::str::FromStr;
 
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::shape::uniform;
-use crate::cloud::{PointCloud, Transform};
+use super::Model;
+use crate::cloud::Transform;
 use crate::error::{Error, Result};
-use crate::filter;
-use crate::math;
+use crate::math::{self, Vec3};
 use crate::method::Register;
 use crate::quality::{TruthError, truth_error};
 
@@ -19,7 +18,7 @@ use crate::quality::{TruthError, truth_error};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
-    /// Rotation vector uniform in [−π/8, π/8)³, about the cloud's centroid.
+    /// Rotation vector uniform in [−π/8, π/8)³, about the model's centroid.
     Small,
     /// Rotation vector uniform in [−π/2, π/2)³, about the origin of the frame.
     #[default]
@@ -27,18 +26,17 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// Draws a motion for `cloud`.
-    pub fn draw(self, cloud: &PointCloud, rng: &mut ChaCha8Rng) -> Transform {
+    /// Draws a motion for a model with this centroid.
+    pub fn draw(self, center: Vec3, rng: &mut ChaCha8Rng) -> Transform {
         let half = match self {
             Motion::Small => std::f64::consts::PI / 8.0,
             Motion::Large => std::f64::consts::PI / 2.0,
         };
-        let vector = [(); 3].map(|()| half * (2.0 * uniform(rng) - 1.0));
+        let vector = [(); 3].map(|()| half * (2.0 * rng.random::<f64>() - 1.0));
         let turn = Transform::from_rotation_vector(vector);
         match self {
             Motion::Large => turn,
             Motion::Small => {
-                let center = cloud.centroid();
                 let translation = math::sub(center, turn.apply(center));
                 Transform { translation, ..turn }
             }
@@ -116,10 +114,10 @@ impl Report {
 /// is moved, `method` finds the motion. `progress` is called after every trial.
 ///
 /// # Errors
-/// [`Error::Config`] for no trials or samples below three points, [`Error::TooFewPoints`] when the model has fewer
-/// points than a sample. A trial without an answer is counted, not an error.
+/// [`Error::Config`] for no trials or samples below three points, those of
+/// [`Model::sample`]. A trial without an answer is counted, not an error.
 pub fn run(
-    model: &PointCloud,
+    model: &Model,
     method: &dyn Register,
     protocol: Protocol,
     mut progress: impl FnMut(usize),
@@ -130,19 +128,16 @@ pub fn run(
     if protocol.points < 3 {
         return Err(Error::config("points", protocol.points, "must be at least 3"));
     }
-    if model.len() < protocol.points {
-        let (found, needed) = (model.len(), protocol.points);
-        return Err(Error::TooFewPoints { what: "the model".into(), found, needed });
-    }
+    let center = model.centroid();
     let mut report = Report { protocol, errors: Vec::new(), doubted: 0 };
     for trial in 0..protocol.trials as u64 {
         // A generator a trial: trial 7 is the same whether one runs 8 or 100.
         let mut rng = ChaCha8Rng::seed_from_u64(protocol.seed);
         rng.set_stream(trial);
-        let truth = protocol.motion.draw(model, &mut rng);
-        let mut sample = || filter::sample(model, protocol.points, rand::Rng::next_u64(&mut rng));
-        let source = sample();
-        let target = sample().transformed(&truth)?;
+        let truth = protocol.motion.draw(center, &mut rng);
+        let mut sample = || model.sample(protocol.points, rand::Rng::next_u64(&mut rng));
+        let source = sample()?;
+        let target = sample()?.transformed(&truth)?;
         let answer = method.register(&source, &target).ok();
         report.doubted += usize::from(answer.as_ref().is_some_and(|answer| !answer.trusted));
         let error = answer.map(|answer| truth_error(&answer.transform, &truth, source.centroid()));

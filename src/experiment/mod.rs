@@ -2,4 +2,7 @@
 //! any file.
 
 pub mod accuracy;
+mod model;
 pub mod shape;
+
+pub use model::Model;

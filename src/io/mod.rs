@@ -1,7 +1,7 @@
 //! Clouds and poses in files.
 //!
-//! [`read`] takes PLY, PCD and text, told apart by content; [`write()`] goes by the
-//! extension. Coordinates pass through f64, so map coordinates stay exact; points
+//! [`read`] takes PLY, PCD and text, told apart by content, [`read_mesh`] the faces of PLY
+//! too; [`write()`] goes by the extension. Coordinates pass through f64, so map coordinates stay exact; points
 //! with a NaN or infinite coordinate are left out and counted by
 //! [`PointCloud::dropped`]. Columns other than the position and the normal
 //! (colours, intensities, faces) are skipped.
@@ -21,7 +21,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use crate::cloud::PointCloud;
+use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
 pub use format::Format;
@@ -59,6 +59,34 @@ pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
     let table = table.map_err(|fault| fault.within(path))?;
     // What is wrong with the coordinates together has no line, but it has a file.
     table.into_cloud().map_err(|error| Fault::new(error.to_string()).within(path))
+}
+
+/// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more
+/// than three corners become fans of triangles.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has no
+/// faces, or names or uses a vertex that is not there or not finite.
+///
+/// ```no_run
+/// let cloud = cfreg::io::read_mesh("bun_zipper.ply")?.sample(500, 0)?;
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
+    let path = path.as_ref();
+    let content = load(path)?;
+    let parsed = match Format::detect(path, &content) {
+        Some(Format::Ply) => ply::parse_mesh(&content),
+        _ => Err(Fault::new("is not PLY, the only format that meshes are read from")),
+    };
+    let (table, faces) = parsed.map_err(|fault| fault.within(path))?;
+    let vertices = table.into_points();
+    let lost = |&&corner: &&u32| vertices[corner as usize].iter().any(|x| !x.is_finite());
+    if let Some(corner) = faces.as_flattened().iter().find(lost) {
+        let what = format!("a face has the corner {corner}, which is not finite");
+        return Err(Fault::new(what).within(path));
+    }
+    Ok(Mesh { vertices, faces })
 }
 
 /// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with

@@ -172,6 +172,11 @@ impl Table {
         self.points.len()
     }
 
+    /// The positions alone.
+    pub fn into_points(self) -> Vec<Vec3> {
+        self.points
+    }
+
     /// The cloud of these rows.
     pub fn into_cloud(self) -> Result<PointCloud> {
         let cloud = match &self.normals {

@@ -1,0 +1,239 @@
+//! The body of a PLY file, element by element.
+
+use std::io::ErrorKind;
+
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::{
+    ElementDef, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
+
+use crate::io::table::{Fault, Lines, Vertex, check_claim, number, shown, slot};
+
+/// What is kept of an element.
+pub(super) trait Row: PropertyAccess {
+    /// Whether the scalar property `name` matters.
+    fn takes(name: &str) -> bool;
+
+    /// Keeps a scalar that matters.
+    fn set(&mut self, name: &str, value: f64);
+
+    /// Whether the list property `name` matters.
+    fn takes_list(_name: &str) -> bool {
+        false
+    }
+
+    /// Keeps a list that matters.
+    fn set_list(&mut self, _values: Vec<f64>) {}
+}
+
+/// The corners of a face, in order.
+#[derive(Debug, Default)]
+pub(super) struct Face {
+    /// `None` when the element has no list of corners.
+    pub(super) corners: Option<Vec<f64>>,
+}
+
+/// What the list of a face's corners is called.
+const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// What follows the header, read element by element.
+pub(super) enum Body<'a> {
+    /// One element a line.
+    Ascii(Lines<'a>),
+    /// Element after element from byte `at`.
+    Binary { content: &'a [u8], at: usize, big_endian: bool },
+}
+
+impl Body<'_> {
+    /// The count of `element`, if the bytes left can hold it.
+    pub(super) fn check_count(&self, element: &ElementDef) -> Result<usize, Fault> {
+        let smallest = |kind: fn(&PropertyType) -> u64| {
+            element.properties.values().map(|property| kind(&property.data_type)).sum()
+        };
+        let what = format!("{} elements", element.name);
+        let count = element.count as u64;
+        match self {
+            // A digit each, and a space between.
+            Body::Ascii(lines) => {
+                check_claim(&what, count, smallest(|_| 2) - 1, lines.rest().len())
+                    .map_err(|what| Fault::line(lines.number() + 1, what))
+            }
+            Body::Binary { content, at, .. } => {
+                check_claim(&what, count, smallest(smallest_size), content.len() - at)
+                    .map_err(|what| Fault::byte(*at, what))
+            }
+        }
+    }
+
+    /// The next element, of which `index` were read before.
+    pub(super) fn next<R: Row>(&mut self, element: &ElementDef, index: usize) -> Result<R, Fault> {
+        let ends = || format!("the file ends within {} {index} of {}", element.name, element.count);
+        match self {
+            Body::Ascii(lines) => match lines.next() {
+                Some(line) => {
+                    let (number, line) = line?;
+                    parse_line(line, element).map_err(|what| Fault::line(number, what))
+                }
+                None => Err(Fault::line(lines.number(), ends())),
+            },
+            Body::Binary { content, at, big_endian } => {
+                let start = *at;
+                let mut rest = &content[start..];
+                let parser = Parser::<R>::new();
+                let row = if *big_endian {
+                    parser.read_big_endian_element(&mut rest, element)
+                } else {
+                    parser.read_little_endian_element(&mut rest, element)
+                };
+                *at = content.len() - rest.len();
+                row.map_err(|error| match error.kind() {
+                    ErrorKind::UnexpectedEof => Fault::byte(start, ends()),
+                    _ => Fault::byte(start, format!("{} {index}: {error}", element.name)),
+                })
+            }
+        }
+    }
+}
+
+/// The element written in `line`; words beyond its properties are ignored.
+fn parse_line<R: Row>(line: &str, element: &ElementDef) -> Result<R, String> {
+    let mut row = R::new();
+    let mut words = line.split_ascii_whitespace();
+    for (name, property) in &element.properties {
+        let missing = || format!("the line ends before property {name}");
+        let word = words.next().ok_or_else(missing)?;
+        let refuse = |expected| format!("{name} is {}, not {expected}", shown(word));
+        match property.data_type {
+            PropertyType::Scalar(_) if !R::takes(name) => {}
+            PropertyType::Scalar(_) => {
+                row.set(name, number(word).ok_or_else(|| refuse("a number"))?);
+            }
+            PropertyType::List(..) => {
+                let length: usize = word.parse().map_err(|_| refuse("the length of a list"))?;
+                if R::takes_list(name) {
+                    let value = |word: &str| {
+                        number(word).ok_or_else(|| format!("{name} has {}", shown(word)))
+                    };
+                    // A claim takes no memory: there are never more values than words.
+                    let values = words.by_ref().take(length).map(value);
+                    let values = values.collect::<Result<Vec<f64>, String>>()?;
+                    if values.len() < length {
+                        return Err(missing());
+                    }
+                    row.set_list(values);
+                } else if length > 0 {
+                    words.nth(length - 1).ok_or_else(missing)?;
+                }
+            }
+        }
+    }
+    Ok(row)
+}
+
+pub(super) fn is_scalar(kind: &PropertyType) -> bool {
+    matches!(kind, PropertyType::Scalar(_))
+}
+
+/// Bytes that a property takes at least: a list may be empty.
+fn smallest_size(kind: &PropertyType) -> u64 {
+    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = kind;
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// `property` as a number; `None` for a list.
+fn scalar(property: &Property) -> Option<f64> {
+    Some(match *property {
+        Property::Char(value) => value.into(),
+        Property::UChar(value) => value.into(),
+        Property::Short(value) => value.into(),
+        Property::UShort(value) => value.into(),
+        Property::Int(value) => value.into(),
+        Property::UInt(value) => value.into(),
+        Property::Float(value) => value.into(),
+        Property::Double(value) => value,
+        _ => return None,
+    })
+}
+
+/// `property` as numbers; `None` for a scalar.
+fn list(property: Property) -> Option<Vec<f64>> {
+    fn numbers<T: Into<f64>>(values: Vec<T>) -> Vec<f64> {
+        values.into_iter().map(Into::into).collect()
+    }
+    Some(match property {
+        Property::ListChar(values) => numbers(values),
+        Property::ListUChar(values) => numbers(values),
+        Property::ListShort(values) => numbers(values),
+        Property::ListUShort(values) => numbers(values),
+        Property::ListInt(values) => numbers(values),
+        Property::ListUInt(values) => numbers(values),
+        Property::ListFloat(values) => numbers(values),
+        Property::ListDouble(values) => numbers(values),
+        _ => return None,
+    })
+}
+
+/// Elements that are skipped go through here too. A list is read whole before it is
+/// let go, one at a time, and never more of it than the file holds.
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Vertex::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        match scalar(&property) {
+            Some(value) => {
+                self.set(name, value);
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::Ignored,
+        }
+    }
+}
+
+impl Row for Vertex {
+    fn takes(name: &str) -> bool {
+        slot(name).is_some()
+    }
+
+    fn set(&mut self, name: &str, value: f64) {
+        Vertex::set(self, name, value);
+    }
+}
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Face::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        match list(property).filter(|_| Face::takes_list(name)) {
+            Some(values) => {
+                self.set_list(values);
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::Ignored,
+        }
+    }
+}
+
+impl Row for Face {
+    fn takes(_name: &str) -> bool {
+        false
+    }
+
+    fn set(&mut self, _name: &str, _value: f64) {}
+
+    fn takes_list(name: &str) -> bool {
+        CORNERS.iter().any(|corners| corners.eq_ignore_ascii_case(name))
+    }
+
+    fn set_list(&mut self, values: Vec<f64>) {
+        self.corners = Some(values);
+    }
+}

@@ -1,0 +1,197 @@
+//! Stanford PLY.
+//!
+//! ply-rs-bw reads the header and the binary elements. Three things are done here,
+//! because there it does otherwise: a repeated name silently replaces the earlier
+//! one, which shifts every later binary value; ascii numbers are only those of the
+//! form `1`, `1.5`, `1e5`, so that `nan`, `.5` and `1.` are refused; and a float
+//! property in ascii is rounded to f32 first, although the digits are there.
+
+mod elements;
+
+use std::collections::HashSet;
+use std::io::{self, Write};
+
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header};
+
+use self::elements::{Body, Face};
+use super::table::{Columns, Fault, Lines, Table, Vertex, is_single, shown, write_binary};
+use crate::cloud::PointCloud;
+
+/// The longest header that is read, bytes.
+const LONGEST_HEADER: usize = 1 << 20;
+
+/// Reads the vertices; elements before them are skipped, those after not looked at.
+pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
+    let (header, mut body) = parse_header(content)?;
+    let vertices = Vertices::of(&header)?;
+    for element in header.elements.values().take_while(|element| element.name != "vertex") {
+        skip(&mut body, element)?;
+    }
+    vertices.read(&mut body)
+}
+
+/// Reads the vertices, and the corners of the triangles that the faces are made of: a
+/// face of more corners is a fan about its first, one of fewer than three is none.
+pub(super) fn parse_mesh(content: &[u8]) -> Result<(Table, Vec<[u32; 3]>), Fault> {
+    let (header, mut body) = parse_header(content)?;
+    let vertices = Vertices::of(&header)?;
+    let (mut table, mut faces) = (None, Vec::new());
+    if !header.elements.contains_key("face") {
+        return Err(Fault::new("has no faces, a mesh is needed: the header has no element face"));
+    }
+    for element in header.elements.values() {
+        match element.name.as_str() {
+            "vertex" => table = Some(vertices.read(&mut body)?),
+            "face" => read_faces(&mut body, element, vertices.element.count, &mut faces)?,
+            _ => skip(&mut body, element)?,
+        }
+    }
+    let table = table.ok_or_else(|| Fault::new("the header has no element vertex"))?;
+    Ok((table, faces))
+}
+
+/// The element that has the points.
+struct Vertices<'a> {
+    element: &'a ElementDef,
+    columns: Columns,
+}
+
+impl<'a> Vertices<'a> {
+    fn of(header: &'a Header) -> Result<Self, Fault> {
+        let element = header.elements.get("vertex");
+        let element = element.ok_or_else(|| Fault::new("the header has no element vertex"))?;
+        let scalars = element.properties.values().filter(|p| elements::is_scalar(&p.data_type));
+        let columns = Columns::named(scalars.map(|property| property.name.as_str()))
+            .map_err(|what| Fault::new(format!("in the properties of element vertex, {what}")))?;
+        Ok(Vertices { element, columns })
+    }
+
+    fn read(&self, body: &mut Body<'_>) -> Result<Table, Fault> {
+        let count = body.check_count(self.element)?;
+        let mut table = Table::new(count, self.columns.has_normals());
+        for index in 0..count {
+            table.push(body.next::<Vertex>(self.element, index)?);
+        }
+        Ok(table)
+    }
+}
+
+fn skip(body: &mut Body<'_>, element: &ElementDef) -> Result<(), Fault> {
+    // An element without properties takes no room, however many there are.
+    let count = if element.properties.is_empty() { 0 } else { body.check_count(element)? };
+    for index in 0..count {
+        body.next::<Vertex>(element, index)?;
+    }
+    Ok(())
+}
+
+fn read_faces(
+    body: &mut Body<'_>,
+    element: &ElementDef,
+    vertices: usize,
+    faces: &mut Vec<[u32; 3]>,
+) -> Result<(), Fault> {
+    if element.properties.is_empty() {
+        return Err(Fault::new("element face has no list vertex_indices"));
+    }
+    for index in 0..body.check_count(element)? {
+        let face: Face = body.next(element, index)?;
+        let no_list = || Fault::new("element face has no list vertex_indices");
+        let corner = |value: f64| {
+            let most = vertices.min(u32::MAX as usize) as f64;
+            let known = value >= 0.0 && value < most && value.fract() == 0.0;
+            let what = || format!("face {index} names vertex {value} of {vertices}");
+            known.then_some(value as u32).ok_or_else(|| Fault::new(what()))
+        };
+        let corners = face.corners.ok_or_else(no_list)?.into_iter().map(corner);
+        let corners = corners.collect::<Result<Vec<u32>, Fault>>()?;
+        if let [first, rest @ ..] = &corners[..] {
+            faces.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+        }
+    }
+    Ok(())
+}
+
+/// Writes a binary little endian file.
+pub(super) fn write(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
+    let coordinate = if is_single(cloud) { "float" } else { "double" };
+    writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", cloud.len())?;
+    for name in ["x", "y", "z"] {
+        writeln!(out, "property {coordinate} {name}")?;
+    }
+    if cloud.normals().is_some() {
+        writeln!(out, "property float nx\nproperty float ny\nproperty float nz")?;
+    }
+    writeln!(out, "end_header")?;
+    write_binary(out, cloud)
+}
+
+/// The header, and the body that it announces.
+fn parse_header(content: &[u8]) -> Result<(Header, Body<'_>), Fault> {
+    let (bytes, lines) = header_size(content)?;
+    // Comments come in any encoding; everything that counts is ascii.
+    let text = String::from_utf8_lossy(&content[..bytes]);
+    let header = Parser::<Vertex>::new()
+        .read_header(&mut Reader::new(text.as_bytes()))
+        .map_err(|error| not_understood(&error, &text))?;
+    let body = match header.encoding {
+        Encoding::Ascii => Body::Ascii(Lines::new(content, bytes, lines)),
+        encoding => {
+            Body::Binary { content, at: bytes, big_endian: encoding == Encoding::BinaryBigEndian }
+        }
+    };
+    Ok((header, body))
+}
+
+/// Bytes and lines of the header, in which no name may be there twice.
+fn header_size(content: &[u8]) -> Result<(usize, usize), Fault> {
+    let mut bytes = 0;
+    let mut elements = HashSet::new();
+    let mut properties = HashSet::new();
+    let start = &content[..content.len().min(LONGEST_HEADER)];
+    for (index, line) in start.split_inclusive(|&byte| byte == b'\n').enumerate() {
+        bytes += line.len();
+        let line = String::from_utf8_lossy(line);
+        if index == 0 && line.trim_end() != "ply" {
+            return Err(Fault::line(1, format!("expected ply, found {}", shown(line.trim_end()))));
+        }
+        let mut words = line.split_whitespace();
+        let is_new = match (words.next(), words.next(), words.last()) {
+            (Some("end_header"), ..) => return Ok((bytes, index + 1)),
+            (Some("element"), Some(name), _) => {
+                properties.clear();
+                elements.insert(name.to_owned())
+            }
+            (Some("property"), _, Some(name)) => properties.insert(name.to_owned()),
+            _ => true,
+        };
+        if !is_new {
+            let what = format!("header line {} repeats a name", shown(line.trim()));
+            return Err(Fault::line(index + 1, what));
+        }
+    }
+    Err(Fault::new(format!("there is no end_header in the first {} bytes", start.len())))
+}
+
+/// What the header parser refused, as a line and what was expected there.
+fn not_understood(error: &ParseError, header: &str) -> Fault {
+    let numbered =
+        error.line().and_then(|number| Some((number, header.lines().nth(number.checked_sub(1)?)?)));
+    let Some((number, line)) = numbered else {
+        return Fault::new(format!("the header is not understood: {error}"));
+    };
+    let expected = match line.split_whitespace().next() {
+        Some("format") => "once: format ascii|binary_little_endian|binary_big_endian 1.0",
+        Some("element") => "element NAME COUNT with a count of 0 or more",
+        Some("property") => {
+            "after an element: property TYPE NAME or property list TYPE TYPE NAME, TYPE being \
+             char, uchar, short, ushort, int, uint, float, double or int8 ... float64"
+        }
+        _ => "format, comment, obj_info, element, property or end_header",
+    };
+    Fault::line(
+        number,
+        format!("header line {} is not understood, expected {expected}", shown(line)),
+    )
+}
