@@ -123,8 +123,23 @@ fn ply_meshes() {
     let face = |rest: &str| format!("{three}element face {rest}");
     let list = "1\nproperty list uchar int vertex_indices\n";
     let points = "0 0 0\n1 0 0\n0 nan 0\n";
-    let cases: [(String, &str, &[&str]); 8] = [
-        (three.clone(), "", &["no faces"]),
+    let grid = |infos: &str, places: &str| {
+        format!("{infos}{three}element range_grid 4\nproperty list uchar int {places}\n")
+    };
+    let (columns, rows) = ("obj_info num_cols 2\n", "obj_info num_rows 2\n");
+    let cases: [(String, &str, &[&str]); 11] = [
+        (three.clone(), "", &["no surface"]),
+        (grid(columns, "vertex_indices"), "", &["no obj_info num_rows"]),
+        (
+            grid(&(columns.to_string() + "obj_info num_rows 3\n"), "vertex_indices"),
+            "",
+            &["4 places", "3 rows"],
+        ),
+        (
+            grid(&(columns.to_string() + rows), "vertex_indices"),
+            "1 0\n1 1\n0\n1 3\n",
+            &["range_grid 3 names vertex 3"],
+        ),
         (face("1\n"), "", &["no list vertex_indices"]),
         (face("1\nproperty list uchar int others\n"), "3 0 1 2\n", &["no list vertex_indices"]),
         (face(list), "3 0 1 3\n", &["face 0 names vertex 3 of 3"]),

@@ -193,6 +193,21 @@ fn faces_become_triangles_in_every_encoding() {
 }
 
 #[test]
+fn a_range_grid_becomes_triangles_where_something_was_seen() {
+    // 3 columns, 2 rows; nothing was seen at the second place of the second row.
+    let content = "ply\nformat ascii 1.0\nobj_info num_cols 3\nobj_info num_rows 2\n\
+                   element vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                   element range_grid 6\nproperty list uchar int vertex_indices\nend_header\n\
+                   0 0 0\n1 0 0\n2 0 0\n0 1 0\n2 1 0\n1 0\n1 1\n1 2\n1 3\n0\n1 4\n";
+    let (_folder, path) = file("grid.ply", content);
+    assert_eq!(io::read_mesh(path).unwrap().faces, [[0, 1, 3], [1, 2, 4]]);
+    let Some(data) = common::shared_data() else { return };
+    let mesh = io::read_mesh(data.join("stanford_bunny/bun000.ply")).unwrap();
+    // A grid of n points has nearly 2n triangles.
+    assert!((70_000..80_512).contains(&mesh.faces.len()), "{}", mesh.faces.len());
+}
+
+#[test]
 fn ascii_keeps_digits_that_a_float_would_lose() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n\
                property float z\nend_header\n5600000.25 1 2\n";

@@ -4,9 +4,10 @@
 
 mod common;
 
-use cfreg::method::{Cf, Register};
+use cfreg::method::{Cf, Method, Register};
 use cfreg::quality::{MIN_AGREEMENT, truth_error};
 use cfreg::weight::Normalization;
+use cfreg::{Transform, math};
 
 /// Rotations off by more than this are wrong, by less than [`RIGHT`] right, degrees.
 const WRONG: f64 = 20.0;
@@ -51,6 +52,60 @@ fn wrong_poses_of_real_scans_are_doubted() {
         assert!(pairs.len() > 50 && wrong.len() > 30 && right.len() > 5);
         assert!(trusted_wrong.len() <= allowed, "{trusted_wrong:#?}");
     }
+}
+
+/// The same for the methods that start from a pose: from near the truth to far from it.
+#[test]
+fn wrong_optima_of_real_scans_are_doubted() {
+    let Some(data) = common::shared_data() else { return };
+    let pairs = common::scans::real_pairs(&data, 24, 600);
+    for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
+        let method: Method = name.parse().unwrap();
+        let (mut wrong, mut right, mut trusted_right) = (Vec::new(), Vec::new(), 0);
+        let mut trusted_wrong = Vec::new();
+        for (seed, pair) in pairs.iter().enumerate() {
+            for degrees in [3.0, 60.0, 150.0] {
+                let start = off(pair, degrees, seed as f64);
+                let refinement = method.as_refinement().unwrap();
+                // Nothing to hold on to is no answer, and no harm.
+                let found = refinement.refine(&pair.source, &pair.target, &start);
+                let Ok(found) = found else { continue };
+                let center = pair.source.centroid();
+                let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
+                let agreement = found.evaluation.agreement();
+                if angle > WRONG {
+                    wrong.push(agreement);
+                    if found.trusted {
+                        let name = &pair.name;
+                        trusted_wrong.push(format!("{name} from {degrees} deg: {angle:.0} deg"));
+                    }
+                } else if angle < RIGHT {
+                    right.push(agreement);
+                    trusted_right += usize::from(found.trusted);
+                }
+            }
+        }
+        println!(
+            "{name}\n  off by more than {WRONG} deg: {}, {} of them trusted\n  \
+             off by less than {RIGHT} deg: {}, {trusted_right} of them trusted",
+            spread(&mut wrong),
+            trusted_wrong.len(),
+            spread(&mut right),
+        );
+        assert!(wrong.len() > 20 && trusted_right > 0, "{name}");
+        assert!(trusted_wrong.is_empty(), "{name}: {trusted_wrong:#?}");
+    }
+}
+
+/// The truth turned by `degrees` about the target's centroid, and shifted by 2 % of the size.
+fn off(pair: &common::scans::RealPair, degrees: f64, seed: f64) -> Transform {
+    let axis = [(seed + degrees).sin(), (1.3 * seed).cos(), (0.7 * seed + degrees).sin()];
+    let axis = math::normalized(axis);
+    let turn = Transform::from_rotation_vector(math::scaled(axis, degrees.to_radians()));
+    let center = pair.target.centroid();
+    let back = math::sub(center, turn.apply(center));
+    let shift = math::scaled(axis, 0.02 * pair.source.diagonal());
+    Transform { translation: math::add(back, shift), ..turn }.after(&pair.truth)
 }
 
 fn spread(agreements: &mut [f64]) -> String {

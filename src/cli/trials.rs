@@ -92,7 +92,8 @@ impl Demo {
 pub(super) struct Accuracy {
     /// Model to sample: a cloud of at least --points points
     model: PathBuf,
-    /// Sample the faces of a PLY mesh evenly by area, as the paper does, not its points
+    /// Sample the faces or the range grid of a PLY file evenly by area, as the paper does,
+    /// not its points
     #[arg(long)]
     by_area: bool,
     #[command(flatten)]

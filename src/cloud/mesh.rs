@@ -35,6 +35,18 @@ impl Mesh {
         math::scaled(sum, 1.0 / total)
     }
 
+    /// The mesh without triangles that have an edge longer than `limit`: in the surface of a
+    /// range grid these span a step of depth and were never seen.
+    pub fn without_long_edges(mut self, limit: f64) -> Mesh {
+        let vertices = &self.vertices;
+        let length =
+            |a: u32, b: u32| math::norm(math::sub(vertices[a as usize], vertices[b as usize]));
+        self.faces.retain(|&[a, b, c]| {
+            [(a, b), (b, c), (c, a)].iter().all(|&(a, b)| length(a, b) <= limit)
+        });
+        self
+    }
+
     /// `count` points drawn evenly by area, independently of each other. The same `seed`
     /// draws the same points on every machine.
     ///
@@ -106,6 +118,13 @@ mod tests {
         assert_ne!(cloud, mesh.sample(20_000, 8).unwrap());
         let apart = math::sub(mesh.centroid(), cloud.centroid());
         assert!(math::norm(apart) < 0.03, "{apart:?}");
+    }
+
+    #[test]
+    fn long_edges_take_their_triangles_along() {
+        let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 9.0]];
+        let mesh = Mesh { vertices, faces: vec![[0, 1, 2], [0, 1, 3]] };
+        assert_eq!(mesh.without_long_edges(1.5).faces, [[0, 1, 2]]);
     }
 
     #[test]

@@ -62,11 +62,13 @@ pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
 }
 
 /// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more
-/// than three corners become fans of triangles.
+/// than three corners become fans of triangles; a range grid, in which the Stanford scans
+/// come, becomes triangles between neighbours, steps of depth included (see
+/// [`Mesh::without_long_edges`]).
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has no
-/// faces, or names or uses a vertex that is not there or not finite.
+/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has
+/// neither faces nor a range grid, or names or uses a vertex that is not there or not finite.
 ///
 /// ```no_run
 /// let cloud = cfreg::io::read_mesh("bun_zipper.ply")?.sample(500, 0)?;

@@ -26,14 +26,14 @@ pub(super) trait Row: PropertyAccess {
     fn set_list(&mut self, _values: Vec<f64>) {}
 }
 
-/// The corners of a face, in order.
+/// A face, or a place of a range grid: vertices by their index.
 #[derive(Debug, Default)]
 pub(super) struct Face {
     /// `None` when the element has no list of corners.
     pub(super) corners: Option<Vec<f64>>,
 }
 
-/// What the list of a face's corners is called.
+/// What the list of corners is called.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// What follows the header, read element by element.

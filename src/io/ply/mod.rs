@@ -7,6 +7,7 @@
 //! property in ascii is rounded to f32 first, although the digits are there.
 
 mod elements;
+mod surface;
 
 use std::collections::HashSet;
 use std::io::{self, Write};
@@ -14,7 +15,7 @@ use std::io::{self, Write};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header};
 
-use self::elements::{Body, Face};
+use self::elements::Body;
 use super::table::{Columns, Fault, Lines, Table, Vertex, is_single, shown, write_binary};
 use crate::cloud::PointCloud;
 
@@ -31,19 +32,24 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     vertices.read(&mut body)
 }
 
-/// Reads the vertices, and the corners of the triangles that the faces are made of: a
-/// face of more corners is a fan about its first, one of fewer than three is none.
+/// Reads the vertices, and the corners of the triangles that the faces or the range grid
+/// are made of.
 pub(super) fn parse_mesh(content: &[u8]) -> Result<(Table, Vec<[u32; 3]>), Fault> {
     let (header, mut body) = parse_header(content)?;
     let vertices = Vertices::of(&header)?;
-    let (mut table, mut faces) = (None, Vec::new());
-    if !header.elements.contains_key("face") {
-        return Err(Fault::new("has no faces, a mesh is needed: the header has no element face"));
+    if !["face", "range_grid"].iter().any(|&name| header.elements.contains_key(name)) {
+        let what = "has no surface: the header has neither element face nor range_grid";
+        return Err(Fault::new(what));
     }
+    let (mut table, mut faces) = (None, Vec::new());
     for element in header.elements.values() {
+        let known = vertices.element.count;
         match element.name.as_str() {
             "vertex" => table = Some(vertices.read(&mut body)?),
-            "face" => read_faces(&mut body, element, vertices.element.count, &mut faces)?,
+            "face" => faces.extend(surface::faces(&mut body, element, known)?),
+            "range_grid" => {
+                faces.extend(surface::range_grid(&mut body, element, known, &header.obj_infos)?);
+            }
             _ => skip(&mut body, element)?,
         }
     }
@@ -82,33 +88,6 @@ fn skip(body: &mut Body<'_>, element: &ElementDef) -> Result<(), Fault> {
     let count = if element.properties.is_empty() { 0 } else { body.check_count(element)? };
     for index in 0..count {
         body.next::<Vertex>(element, index)?;
-    }
-    Ok(())
-}
-
-fn read_faces(
-    body: &mut Body<'_>,
-    element: &ElementDef,
-    vertices: usize,
-    faces: &mut Vec<[u32; 3]>,
-) -> Result<(), Fault> {
-    if element.properties.is_empty() {
-        return Err(Fault::new("element face has no list vertex_indices"));
-    }
-    for index in 0..body.check_count(element)? {
-        let face: Face = body.next(element, index)?;
-        let no_list = || Fault::new("element face has no list vertex_indices");
-        let corner = |value: f64| {
-            let most = vertices.min(u32::MAX as usize) as f64;
-            let known = value >= 0.0 && value < most && value.fract() == 0.0;
-            let what = || format!("face {index} names vertex {value} of {vertices}");
-            known.then_some(value as u32).ok_or_else(|| Fault::new(what()))
-        };
-        let corners = face.corners.ok_or_else(no_list)?.into_iter().map(corner);
-        let corners = corners.collect::<Result<Vec<u32>, Fault>>()?;
-        if let [first, rest @ ..] = &corners[..] {
-            faces.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
-        }
     }
     Ok(())
 }
