@@ -253,10 +253,10 @@ fn settings_out_of_range_name_the_field() {
 fn a_real_scan_gives_the_papers_accuracy() {
     let Some(data) = common::shared_data() else { return };
     let model = cfreg::io::read(data.join("stanford_bunny/bun000.ply")).unwrap();
-    let protocol = cfreg::experiment::accuracy::Protocol { trials: 30, ..Default::default() };
+    let settings = cfreg::experiment::accuracy::Settings { trials: 30, ..Default::default() };
     let method: cfreg::method::Method = "cf".parse().unwrap();
     let report =
-        cfreg::experiment::accuracy::run(&model.into(), &method, protocol, |_| {}).unwrap();
+        cfreg::experiment::accuracy::run(&model.into(), &method, settings, |_| {}).unwrap();
     let (mean, _) = report.statistics(|error| error.rotation_frobenius);
     // Table II, bunny, large rotation: 0.18 ± 0.14.
     assert!(report.failures() == 0 && mean < 0.18 + 0.14, "{mean}");

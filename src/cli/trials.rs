@@ -12,9 +12,9 @@ use super::register::summary;
 use super::{Outcome, matrix_text, print, print_json, progress, say};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
-use crate::experiment::Model;
-use crate::experiment::accuracy::{Motion, Protocol, Report, run};
+use crate::experiment::accuracy::{Report, Settings, run};
 use crate::experiment::shape::boulder;
+use crate::experiment::{Model, Motion};
 use crate::io;
 use crate::method::{Register, Registration};
 use crate::quality::{TruthError, truth_error};
@@ -99,17 +99,17 @@ pub(super) struct Accuracy {
     #[command(flatten)]
     method: MethodOptions,
     /// Pairs to register
-    #[arg(long, default_value_t = Protocol::default().trials)]
+    #[arg(long, default_value_t = Settings::default().trials)]
     trials: usize,
     /// Points of each sample
-    #[arg(long, default_value_t = Protocol::default().points)]
+    #[arg(long, default_value_t = Settings::default().points)]
     points: usize,
     /// small: rotation vectors in [-pi/8, pi/8)^3 about the centroid; large: in
     /// [-pi/2, pi/2)^3 about the origin
-    #[arg(long, default_value_t = Protocol::default().motion)]
+    #[arg(long, default_value_t = Settings::default().motion)]
     motion: Motion,
     /// Seed of motions and samples
-    #[arg(long, default_value_t = Protocol::default().seed)]
+    #[arg(long, default_value_t = Settings::default().seed)]
     seed: u64,
     /// Print one JSON object with every trial instead of text
     #[arg(long)]
@@ -125,8 +125,8 @@ impl Accuracy {
         };
         let Accuracy { trials, points, motion, seed, .. } = *self;
         let bar = progress(trials as u64, "trials");
-        let protocol = Protocol { trials, points, motion, seed };
-        let report = run(&model, &method, protocol, |done| bar.set_position(done as u64))?;
+        let settings = Settings { trials, points, motion, seed };
+        let report = run(&model, &method, settings, |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
         if self.json {
             print_json(&report)?;
@@ -144,9 +144,9 @@ fn text(report: &Report) -> String {
     };
     format!(
         "{} trials, {} points, {} rotations; {} without an answer, {} doubted\n{}{}{}",
-        report.protocol.trials,
-        report.protocol.points,
-        report.protocol.motion,
+        report.settings.trials,
+        report.settings.points,
+        report.settings.motion,
         report.failures(),
         report.doubted,
         line("||I - R Rgt^T||_F", |e| e.rotation_frobenius),

@@ -1,72 +1,16 @@
 //! The paper's accuracy test (section IV-D, Table II).
 
-use std::fmt;
-use std::str::FromStr;
-
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::Model;
-use crate::cloud::Transform;
+use super::protocol::{Draw, Protocol, Viewpoint};
+use super::{Model, Motion};
 use crate::error::{Error, Result};
-use crate::math::{self, Vec3};
 use crate::method::Register;
-use crate::quality::{TruthError, truth_error};
-
-/// Which of the paper's two kinds of motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Motion {
-    /// Rotation vector uniform in [−π/8, π/8)³, about the model's centroid.
-    Small,
-    /// Rotation vector uniform in [−π/2, π/2)³, about the origin of the frame.
-    #[default]
-    Large,
-}
-
-impl Motion {
-    /// Draws a motion for a model with this centroid.
-    pub fn draw(self, center: Vec3, rng: &mut ChaCha8Rng) -> Transform {
-        let half = match self {
-            Motion::Small => std::f64::consts::PI / 8.0,
-            Motion::Large => std::f64::consts::PI / 2.0,
-        };
-        let vector = [(); 3].map(|()| half * (2.0 * rng.random::<f64>() - 1.0));
-        let turn = Transform::from_rotation_vector(vector);
-        match self {
-            Motion::Large => turn,
-            Motion::Small => {
-                let translation = math::sub(center, turn.apply(center));
-                Transform { translation, ..turn }
-            }
-        }
-    }
-}
-
-impl fmt::Display for Motion {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Motion::Small => "small",
-            Motion::Large => "large",
-        })
-    }
-}
-
-impl FromStr for Motion {
-    type Err = Error;
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "small" => Ok(Motion::Small),
-            "large" => Ok(Motion::Large),
-            _ => Err(Error::config("motion", text, "must be small or large")),
-        }
-    }
-}
+use crate::quality::TruthError;
 
 /// Settings of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Protocol {
+pub struct Settings {
     /// Pairs that are registered; default 100.
     pub trials: usize,
     /// Points drawn from the model for each cloud of a pair; default 500.
@@ -77,9 +21,9 @@ pub struct Protocol {
     pub seed: u64,
 }
 
-impl Default for Protocol {
+impl Default for Settings {
     fn default() -> Self {
-        Protocol { trials: 100, points: 500, motion: Motion::Large, seed: 0 }
+        Settings { trials: 100, points: 500, motion: Motion::Large, seed: 0 }
     }
 }
 
@@ -87,7 +31,7 @@ impl Default for Protocol {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// The settings.
-    pub protocol: Protocol,
+    pub settings: Settings,
     /// One error a trial, in order; `None` where there was no answer.
     pub errors: Vec<Option<TruthError>>,
     /// Trials whose answer was not to be trusted.
@@ -119,29 +63,20 @@ impl Report {
 pub fn run(
     model: &Model,
     method: &dyn Register,
-    protocol: Protocol,
+    settings: Settings,
     mut progress: impl FnMut(usize),
 ) -> Result<Report> {
-    if protocol.trials == 0 {
+    if settings.trials == 0 {
         return Err(Error::config("trials", 0, "must be at least 1"));
     }
-    if protocol.points < 3 {
-        return Err(Error::config("points", protocol.points, "must be at least 3"));
-    }
-    let center = model.centroid();
-    let mut report = Report { protocol, errors: Vec::new(), doubted: 0 };
-    for trial in 0..protocol.trials as u64 {
-        // A generator a trial: trial 7 is the same whether one runs 8 or 100.
-        let mut rng = ChaCha8Rng::seed_from_u64(protocol.seed);
-        rng.set_stream(trial);
-        let truth = protocol.motion.draw(center, &mut rng);
-        let mut sample = || model.sample(protocol.points, rand::Rng::next_u64(&mut rng));
-        let source = sample()?;
-        let target = sample()?.transformed(&truth)?;
-        let answer = method.register(&source, &target).ok();
+    let Settings { points, motion, seed, .. } = settings;
+    let mut report = Report { settings, errors: Vec::new(), doubted: 0 };
+    for number in 0..settings.trials as u64 {
+        let draw = Draw { motion, viewpoint: Viewpoint::Origin, points, seed, number };
+        let trial = Protocol::Accuracy.trial(model, draw)?;
+        let answer = method.register(&trial.source, &trial.target).ok();
         report.doubted += usize::from(answer.as_ref().is_some_and(|answer| !answer.trusted));
-        let error = answer.map(|answer| truth_error(&answer.transform, &truth, source.centroid()));
-        report.errors.push(error);
+        report.errors.push(answer.map(|answer| trial.error(&answer.transform)));
         progress(report.errors.len());
     }
     Ok(report)

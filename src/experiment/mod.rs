@@ -3,6 +3,9 @@
 
 pub mod accuracy;
 mod model;
+mod motion;
+pub mod protocol;
 pub mod shape;
 
 pub use model::Model;
+pub use motion::Motion;
