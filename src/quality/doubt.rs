@@ -17,7 +17,14 @@ use super::evaluate::Evaluation;
 pub const MIN_AGREEMENT: f64 = 0.3;
 /// Agreement beyond chance below which a pose is doubted that was found by laying the
 /// clouds on each other, as ICP, CPD and their kin do: a wrong optimum of these agrees
-/// better than a wrong guess (seen: up to 0.58), and a right one nearly as well as can be.
+/// better than a wrong guess, and a right one nearly as well as can be.
+///
+/// Measured on real pairs of seven kinds, started 3° to 180° off the truth, with the six
+/// methods: of the poses that ended off by more than 20°, none of 1,070 reached 0.6 with
+/// clouds of 500 points (the most was 0.59, by Kernel Correlation), none of 574 with 1,000
+/// (0.52), none of 244 with 2,000 (0.33). Right poses reach 0.7 in the median, and a fifth
+/// of them, of little overlap, stay below. A smaller run of the same is
+/// `cargo test --release --test trust wrong_optima -- --nocapture`.
 pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
 /// Second relative singular value below which a rotation is doubted: about one axis the
 /// weights then hardly tell one angle from another.
