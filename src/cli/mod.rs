@@ -8,6 +8,7 @@ mod evaluate;
 mod options;
 mod outputs;
 mod register;
+mod reproduce;
 mod trials;
 
 use std::io::{self, IsTerminal, Write};
@@ -44,6 +45,8 @@ enum Command {
     Demo(trials::Demo),
     /// The paper's accuracy test on a cloud of your own (Table II)
     Accuracy(trials::Accuracy),
+    /// The paper's experiments: every trial, and its tables beside the printed ones
+    Reproduce(reproduce::Reproduce),
 }
 
 /// What a command found: the exit code of an answer.
@@ -63,6 +66,7 @@ pub fn main() -> ExitCode {
         Command::Evaluate(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Accuracy(command) => command.run(),
+        Command::Reproduce(command) => command.run(),
     };
     match outcome {
         Ok(Outcome::Trusted) => ExitCode::SUCCESS,

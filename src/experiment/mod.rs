@@ -4,6 +4,7 @@
 pub mod accuracy;
 mod model;
 mod motion;
+pub mod paper;
 pub mod protocol;
 pub mod shape;
 

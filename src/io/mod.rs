@@ -113,6 +113,14 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     }
 }
 
+/// Writes bytes to a file; one that was there before is replaced once all is written.
+///
+/// # Errors
+/// [`Error::Io`] when the system refuses; an old file is then still as it was.
+pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
+    replace(path, |out| out.write_all(content))
+}
+
 /// Checks that [`write()`] knows the extension of `path`, before work is done whose result
 /// could then not be written.
 ///

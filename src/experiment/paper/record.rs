@@ -1,0 +1,205 @@
+//! Trials of a cell: run, written, read again.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::cell::Cell;
+use super::printed::Spread;
+use crate::error::{Error, Result};
+use crate::experiment::Model;
+use crate::experiment::protocol::Draw;
+use crate::io;
+use crate::method::{Method, Register};
+use crate::par;
+
+/// One trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Number of the trial.
+    pub trial: u64,
+    /// Rotation error, degrees; these four are empty without an answer.
+    pub rotation_deg: Option<f64>,
+    /// ‖I − R R_gtᵀ‖_F.
+    pub frobenius: Option<f64>,
+    /// Error of the centroid's place, in the model's unit.
+    pub translation: Option<f64>,
+    /// The paper's average shift, in the model's unit.
+    pub average_shift: Option<f64>,
+    /// Whether nothing spoke against the answer.
+    pub trusted: bool,
+    /// How often weights were made.
+    pub iterations: u32,
+    /// Why there is no answer; empty with one.
+    pub error: String,
+}
+
+/// The trials of a cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trials {
+    /// One a trial, in order.
+    pub records: Vec<Record>,
+}
+
+/// All that the trials of a cell depend on: its first line in a file.
+#[derive(Serialize)]
+struct Configuration {
+    cell: Cell,
+    points: usize,
+    seed: u64,
+    version: &'static str,
+    method: Method,
+}
+
+/// Points of each sample (section IV).
+const POINTS: usize = 500;
+/// Seed of all trials.
+const SEED: u64 = 2020;
+
+impl Trials {
+    /// Runs the trials of `cell` on `model`, several at a time.
+    ///
+    /// # Errors
+    /// Those of [`Protocol::trial`](crate::experiment::protocol::Protocol::trial); a trial
+    /// without an answer is a record.
+    pub fn run(cell: &Cell, model: &Model) -> Result<Self> {
+        let method = cell.contender.method();
+        let one = |number: usize| {
+            let draw = Draw {
+                motion: cell.motion,
+                viewpoint: cell.reading.viewpoint(),
+                points: POINTS,
+                seed: SEED,
+                number: number as u64,
+            };
+            let trial = cell.protocol().trial(model, draw)?;
+            let (trial_number, found) =
+                (number as u64, method.register(&trial.source, &trial.target));
+            Ok(match found {
+                Ok(found) => {
+                    let error = trial.error(&found.transform);
+                    Record {
+                        trial: trial_number,
+                        rotation_deg: Some(error.rotation_deg),
+                        frobenius: Some(error.rotation_frobenius),
+                        translation: Some(error.translation),
+                        average_shift: Some(trial.average_shift(&found.transform)),
+                        trusted: found.trusted,
+                        iterations: found.iterations,
+                        error: String::new(),
+                    }
+                }
+                Err(error) => Record {
+                    trial: trial_number,
+                    rotation_deg: None,
+                    frobenius: None,
+                    translation: None,
+                    average_shift: None,
+                    trusted: false,
+                    iterations: 0,
+                    error: error.to_string(),
+                },
+            })
+        };
+        let records = par::map(cell.trials, || (), |_, number| one(number));
+        Ok(Trials { records: records.into_iter().collect::<Result<_>>()? })
+    }
+
+    /// Writes the trials of `cell` as CSV, after a comment with all that they depend on.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, cell: &Cell, path: &Path) -> Result<()> {
+        let mut table = csv::Writer::from_writer(Vec::new());
+        let unwritten = |error: &dyn std::fmt::Display| {
+            Error::io(path, std::io::Error::other(error.to_string()))
+        };
+        for record in &self.records {
+            table.serialize(record).map_err(|error| unwritten(&error))?;
+        }
+        let rows = table.into_inner().map_err(|error| unwritten(&error))?;
+        io::write_bytes(path, &[format!("# {}\n", described(cell)).as_bytes(), &rows].concat())
+    }
+
+    /// Reads what [`write`](Self::write) wrote, if it is there, whole and of this very cell.
+    pub fn read(cell: &Cell, path: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(path).ok()?;
+        let (first, rows) = text.split_once('\n')?;
+        if first.strip_prefix("# ")? != described(cell) {
+            return None;
+        }
+        let records: Vec<Record> = csv::Reader::from_reader(rows.as_bytes())
+            .deserialize()
+            .collect::<Result<_, _>>()
+            .ok()?;
+        (records.len() == cell.trials).then_some(Trials { records })
+    }
+
+    /// Mean and standard deviation of `measure` over the trials that gave an answer; `None`
+    /// where none did.
+    pub fn spread(&self, measure: impl Fn(&Record) -> Option<f64>) -> Option<Spread> {
+        let values: Vec<f64> = self.records.iter().filter_map(measure).collect();
+        if values.is_empty() {
+            return None;
+        }
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
+        Some(Spread { mean, deviation: variance.sqrt() })
+    }
+
+    /// Trials without an answer.
+    pub fn failures(&self) -> usize {
+        self.records.iter().filter(|record| !record.error.is_empty()).count()
+    }
+}
+
+fn described(cell: &Cell) -> String {
+    let configuration = Configuration {
+        cell: *cell,
+        points: POINTS,
+        seed: SEED,
+        version: env!("CARGO_PKG_VERSION"),
+        method: cell.contender.method(),
+    };
+    // Plain structs of numbers and words: JSON has them all.
+    serde_json::to_string(&configuration).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cell::{Contender, Reading, Shape, Test};
+    use super::*;
+    use crate::experiment::Motion;
+    use crate::experiment::shape::boulder;
+
+    fn cell(trials: usize) -> Cell {
+        Cell {
+            test: Test::Accuracy,
+            reading: Reading::Fitting,
+            shape: Shape::Bunny,
+            motion: Motion::Large,
+            contender: Contender::Cf,
+            noise: 0,
+            trials,
+        }
+    }
+
+    #[test]
+    fn trials_come_back_and_others_are_not_taken_for_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cell.csv");
+        let model = boulder().into();
+        let trials = Trials::run(&cell(3), &model).unwrap();
+        assert_eq!(trials, Trials::run(&cell(3), &model).unwrap());
+        trials.write(&cell(3), &path).unwrap();
+        assert_eq!(Trials::read(&cell(3), &path), Some(trials.clone()));
+        let other = Cell { contender: Contender::Cpd, ..cell(3) };
+        assert_eq!(Trials::read(&other, &path), None);
+        assert_eq!(Trials::read(&cell(4), &path), None);
+        // Cut short, as by a crash.
+        let text = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &text[..text.len() - 30]).unwrap();
+        assert_eq!(Trials::read(&cell(3), &path), None);
+    }
+}
