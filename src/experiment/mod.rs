@@ -2,8 +2,11 @@
 //! any file.
 
 pub mod accuracy;
+#[cfg(feature = "figures")]
+pub mod figure;
 mod model;
 mod motion;
+#[cfg(feature = "figures")]
 pub mod paper;
 pub mod protocol;
 pub mod shape;

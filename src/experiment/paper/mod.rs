@@ -2,7 +2,9 @@
 //! beside the printed ones.
 
 pub mod cell;
+mod lecture;
 pub mod models;
+mod pictures;
 pub mod printed;
 mod record;
 pub mod tables;
@@ -67,5 +69,6 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
         |name: &str, text: String| io::write_bytes(&options.output.join(name), text.as_bytes());
     write("tables.md", tables::markdown(&results))?;
     write("tables.tex", tables::latex(&results))?;
+    pictures::draw(&options.data, &options.output, &results, options.smoke)?;
     Ok(results)
 }

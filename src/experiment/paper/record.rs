@@ -52,9 +52,9 @@ struct Configuration {
 }
 
 /// Points of each sample (section IV).
-const POINTS: usize = 500;
+pub(super) const POINTS: usize = 500;
 /// Seed of all trials.
-const SEED: u64 = 2020;
+pub(super) const SEED: u64 = 2020;
 
 impl Trials {
     /// Runs the trials of `cell` on `model`, several at a time.

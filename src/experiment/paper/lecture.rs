@@ -1,0 +1,119 @@
+//! Section V: terrestrial scans with partial overlap, on which the full connection fails.
+//!
+//! The paper's lecture hall was not to be had; two terrestrial scans of 3DTK's sample data
+//! are of its kind.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::pictures::seen;
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::experiment::figure::{Content, Panel};
+use crate::method::{Cf, Cfk, Method, Register};
+use crate::quality::{TruthError, truth_error};
+use crate::{filter, io};
+
+/// Points drawn from each scan (section V).
+pub const POINTS: usize = 30_000;
+/// The pair, from the data folder, as `pairs.csv` names it.
+const PAIR: (&str, &str) = ("tls_3dtk/scan001.ply", "tls_3dtk/scan000.ply");
+
+/// The pair and what became of it.
+pub struct Hall {
+    source: PointCloud,
+    target: PointCloud,
+    outcomes: Vec<Outcome>,
+}
+
+/// The answer of a method.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    /// The method.
+    pub method: &'static str,
+    /// What it found.
+    pub transform: Transform,
+    /// Whether it says that the pose may be trusted.
+    pub trusted: bool,
+    /// How far off it is.
+    pub error: TruthError,
+}
+
+/// Registers `points` of each scan by CF and CFK; `None` where the scans are not.
+///
+/// # Errors
+/// Those of the readers and of the methods.
+pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
+    let (source, target) = (data.join(PAIR.0), data.join(PAIR.1));
+    let Some(truth) = truth(&data.join("pairs.csv"))? else { return Ok(None) };
+    if !(source.is_file() && target.is_file()) {
+        return Ok(None);
+    }
+    let read = |path: &Path, seed| {
+        let cloud = io::read(path)?;
+        Ok::<_, Error>(filter::sample(&cloud, points, seed))
+    };
+    let (source, target) = (read(&source, 1)?, read(&target, 2)?);
+    let outcome = |method: Method| {
+        let found = method.register(&source, &target)?;
+        let error = truth_error(&found.transform, &truth, source.centroid());
+        let (transform, trusted) = (found.transform, found.trusted);
+        Ok::<_, Error>(Outcome { method: found.method, transform, trusted, error })
+    };
+    let methods = [Method::Cf(Cf::default()), Method::Cfk(Cfk::default())];
+    let outcomes = methods.into_iter().map(outcome).collect::<Result<_>>()?;
+    Ok(Some(Hall { source, target, outcomes }))
+}
+
+/// The clouds as they lie, and under each pose.
+pub fn panels(hall: &Hall) -> Vec<Panel> {
+    let panel = |title: String, source: &PointCloud| Panel {
+        title,
+        content: Content::Points(vec![seen(&hall.target), seen(source)]),
+    };
+    let mut panels = vec![panel("initial".into(), &hall.source)];
+    for outcome in &hall.outcomes {
+        if let Ok(moved) = hall.source.transformed(&outcome.transform) {
+            let verdict = if outcome.trusted { "trusted" } else { "not trusted" };
+            let off = outcome.error.rotation_deg;
+            panels
+                .push(panel(format!("{}: off by {off:.0} deg, {verdict}", outcome.method), &moved));
+        }
+    }
+    panels
+}
+
+/// Writes the outcomes as JSON.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write(hall: &Hall, path: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(&hall.outcomes).unwrap_or_default();
+    io::write_bytes(path, (text + "\n").as_bytes())
+}
+
+/// The pair's true pose from the table of pairs; `None` where that is not, or lacks it.
+fn truth(table: &Path) -> Result<Option<Transform>> {
+    let Ok(mut reader) = csv::Reader::from_path(table) else { return Ok(None) };
+    let parse =
+        |what: String| Error::Parse { path: table.to_path_buf(), line: None, byte: None, what };
+    let columns = reader.headers().map_err(|error| parse(error.to_string()))?.clone();
+    let column = |name: &str| {
+        columns.iter().position(|x| x == name).ok_or_else(|| parse(format!("has no {name}")))
+    };
+    let (source, target, first) = (column("source")?, column("target")?, column("t00")?);
+    for row in reader.records() {
+        let row = row.map_err(|error| parse(error.to_string()))?;
+        if (row.get(source), row.get(target)) != (Some(PAIR.0), Some(PAIR.1)) {
+            continue;
+        }
+        let mut matrix = [[0.0; 4]; 4];
+        for (k, entry) in matrix.as_flattened_mut().iter_mut().enumerate() {
+            let word = row.get(first + k).unwrap_or_default();
+            *entry = word.parse().map_err(|_| parse(format!("{word:?} is not a number")))?;
+        }
+        return Transform::from_matrix(matrix).map(Some);
+    }
+    Ok(None)
+}

@@ -1,0 +1,169 @@
+//! The paper's figures: its data, noise, sensitivity, alignments, and the lecture hall.
+
+use std::path::{Path, PathBuf};
+
+use super::cell::{Cell, Contender, Reading, Shape, Test};
+use super::lecture;
+use super::models::{self, Source};
+use super::record::{POINTS, Record, SEED};
+use super::tables::Results;
+use crate::cloud::{PointCloud, Transform};
+use crate::error::Result;
+use crate::experiment::Motion;
+use crate::experiment::figure::{Content, Figure, Panel};
+use crate::experiment::protocol::{Draw, Protocol, Trial};
+use crate::method::Register;
+
+/// Points of a picture of a model.
+const SHOWN: usize = 4000;
+
+/// Writes every figure to `folder`; those of the lecture hall where its scans are.
+///
+/// # Errors
+/// [`Error::Io`](crate::Error::Io), and those of the readers.
+pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Result<()> {
+    let save = |name: &str, panels, columns, size| {
+        let stem: PathBuf = folder.join(name);
+        Figure { panels, columns, size }.save(&stem)
+    };
+    let bunny = models::load(data, Shape::Bunny, Reading::Fitting)?;
+    save("fig3-data", shapes(data)?, 3, (360, 360))?;
+    save("fig4-noise", noise(&bunny)?, 3, (360, 360))?;
+    let curves = sensitivity(results);
+    if !curves.is_empty() {
+        save("fig6-sensitivity", curves, 2, (560, 400))?;
+    }
+    for (name, motion, number) in [
+        ("fig7-small", Motion::Small, 0),
+        ("fig8-medium", Motion::Large, mildest(&bunny)?),
+        ("fig9-large", Motion::Large, largest(&bunny)?),
+    ] {
+        save(name, alignments(&bunny, motion, number)?, 4, (300, 320))?;
+    }
+    let points = if smoke { 1500 } else { lecture::POINTS };
+    if let Some(hall) = lecture::run(data, points)? {
+        save("fig10-lecture-hall", lecture::panels(&hall), 2, (560, 480))?;
+        lecture::write(&hall, &folder.join("lecture-hall.json"))?;
+    }
+    Ok(())
+}
+
+/// The three models.
+fn shapes(data: &Path) -> Result<Vec<Panel>> {
+    let panel = |&shape: &Shape| {
+        let Source { model, remark, .. } = models::load(data, shape, Reading::Fitting)?;
+        let stands_in = if remark.is_empty() { "" } else { " (a stand-in)" };
+        let content = Content::Points(vec![seen(&model.sample(SHOWN, SEED)?)]);
+        Ok(Panel { title: format!("{shape}{stands_in}"), content })
+    };
+    Shape::ALL.iter().map(panel).collect()
+}
+
+/// Source and target at three levels of noise, for both motions.
+fn noise(bunny: &Source) -> Result<Vec<Panel>> {
+    let mut panels = Vec::new();
+    for motion in [Motion::Small, Motion::Large] {
+        for sigma in [0.002, 0.01, 0.02] {
+            let trial = Protocol::Sensitivity { sigma }.trial(&bunny.model, drawn(motion, 0))?;
+            let content = Content::Points(vec![seen(&trial.source), seen(&trial.target)]);
+            panels.push(Panel { title: format!("{motion}, noise {sigma}"), content });
+        }
+    }
+    Ok(panels)
+}
+
+/// Mean and deviation of the average shift over the noise, for both motions.
+fn sensitivity(results: &Results) -> Vec<Panel> {
+    let mut panels = Vec::new();
+    for motion in [Motion::Small, Motion::Large] {
+        for deviation in [false, true] {
+            let point = |(cell, trials): &(Cell, super::Trials)| {
+                let spread = trials.spread(|record: &Record| record.average_shift)?;
+                let value = if deviation { spread.deviation } else { spread.mean };
+                Some([1e-4 * f64::from(cell.noise), value])
+            };
+            let curve = |contender: Contender| {
+                let of = |cell: &Cell| {
+                    (cell.test, cell.motion, cell.contender)
+                        == (Test::Sensitivity, motion, contender)
+                };
+                let mut points: Vec<[f64; 2]> =
+                    results.values().filter(|(cell, _)| of(cell)).filter_map(point).collect();
+                points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                (contender.to_string(), points)
+            };
+            let curves: Vec<_> =
+                Contender::ALL.map(curve).into_iter().filter(|(_, p)| !p.is_empty()).collect();
+            if curves.is_empty() {
+                return Vec::new();
+            }
+            let what = if deviation { "deviation of the average shift" } else { "average shift" };
+            panels.push(Panel {
+                title: format!("{motion} rotation"),
+                content: Content::Curves {
+                    x: "standard deviation of the noise (m)".into(),
+                    y: format!("{what} (m)"),
+                    logarithmic: false,
+                    curves,
+                },
+            });
+        }
+    }
+    panels
+}
+
+/// One trial with outliers, before and after each method.
+fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>> {
+    let trial = robustness(bunny, motion, number)?;
+    let laid = |title: String, pose: &Transform| {
+        let moved = trial.source.transformed(pose)?;
+        let content = Content::Points(vec![seen(&trial.target), seen(&moved)]);
+        Ok::<_, crate::Error>(Panel { title, content })
+    };
+    let mut panels = vec![laid("initial".into(), &Transform::IDENTITY)?];
+    for contender in Contender::ALL {
+        if let Ok(found) = contender.method().register(&trial.source, &trial.target) {
+            let shift = trial.average_shift(&found.transform);
+            panels.push(laid(format!("{contender}: {shift:.4}"), &found.transform)?);
+        }
+    }
+    Ok(panels)
+}
+
+fn robustness(bunny: &Source, motion: Motion, number: u64) -> Result<Trial> {
+    let protocol = Protocol::Robustness { outliers: 100, radius: Reading::Fitting.radius() };
+    protocol.trial(&bunny.model, drawn(motion, number))
+}
+
+/// Trials among which the pictures' rotations are chosen.
+const CHOICE: u64 = 20;
+
+/// The trial of the smallest large rotation.
+fn mildest(bunny: &Source) -> Result<u64> {
+    Ok(by_angle(bunny)?.first().map_or(0, |&(_, number)| number))
+}
+
+/// The trial of the largest.
+fn largest(bunny: &Source) -> Result<u64> {
+    Ok(by_angle(bunny)?.last().map_or(0, |&(_, number)| number))
+}
+
+fn by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
+    let angle = |number| {
+        let truth = robustness(bunny, Motion::Large, number)?.truth;
+        Ok((truth.angle(), number))
+    };
+    let mut angles = (0..CHOICE).map(angle).collect::<Result<Vec<_>>>()?;
+    angles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(angles)
+}
+
+fn drawn(motion: Motion, number: u64) -> Draw {
+    let viewpoint = Reading::Fitting.viewpoint();
+    Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
+}
+
+/// The points as seen along z.
+pub(super) fn seen(cloud: &PointCloud) -> Vec<[f64; 2]> {
+    cloud.positions().map(|[x, y, _]| [x, y]).collect()
+}
