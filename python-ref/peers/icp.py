@@ -122,8 +122,8 @@ def on_the_papers_protocols(scope):
             found = [ours.register(p.source, p.target, "icp-paper") for p in pairs]
             poses, theirs, iterations = [f["transform"] for f in found], *pcl(program, pairs)
             yield from compared("icp-paper", "PCL", where, pairs, poses, theirs, quantity)
-            yield told("icp-paper", "PCL", where, "mean iterations",
-                       np.mean([f["iterations"] for f in found]), np.mean(iterations))
+            steps = np.mean([f["iterations"] for f in found]), np.mean(iterations)
+            yield told("icp-paper", "PCL", where, "mean iterations", *steps)
 
 
 def pcl(program, pairs):
@@ -150,18 +150,19 @@ def mean_shift(pose, pair):
 
 TURN_AND_SHIFT = {
     "rotation error, deg": lambda pose, pair: ours.angle(pose, pair.truth),
-    "translation error, of size": lambda pose, pair: ours.shift(pose, pair.truth, pair.source),
+    "translation error / size": lambda pose, pair: ours.shift(pose, pair.truth, pair.source),
 }
+
+
+def is_right(pose, pair):
+    turn, shift = ours.angle(pose, pair.truth), ours.shift(pose, pair.truth, pair.source)
+    return turn < 10.0 and shift < 0.05
 
 
 def compared(method, peer, where, pairs, found, theirs, quantities):
     """How many are found, the median errors of all, and how far apart the poses are."""
-    right, right_there = (
-        [ours.angle(t, p.truth) < 10.0 and ours.shift(t, p.truth, p.source) < 0.05
-         for t, p in zip(poses, pairs)]
-        for poses in (found, theirs)
-    )
-    yield successes(method, peer, where, sum(right), sum(right_there), len(pairs))
+    right = (sum(is_right(t, p) for t, p in zip(poses, pairs)) for poses in (found, theirs))
+    yield successes(method, peer, where, *right, len(pairs))
     for quantity, error in quantities.items():
         medians = (np.median([error(t, p) for t, p in zip(ts, pairs)]) for ts in (found, theirs))
         yield errors(method, peer, where, f"median {quantity}", *medians)
