@@ -347,7 +347,12 @@ fn far_starts_on_real_scans_are_doubted() {
     for pair in &pairs {
         for metric in METRICS {
             let icp = Icp { max_iterations: 60, ..icp(metric) };
-            let found = icp.register(&pair.source, &pair.target).unwrap();
+            let found = match icp.register(&pair.source, &pair.target) {
+                Ok(found) => found,
+                // All points next to one or two.
+                Err(Error::Degenerate { .. }) => continue,
+                Err(other) => panic!("{metric:?} {}: {other}", pair.name),
+            };
             let (angle, _) = apart(&found.transform, &pair.truth, &pair.source);
             assert!(angle < 5.0 || !found.trusted, "{metric:?} {}: {angle}", pair.name);
             wrong += usize::from(angle > 20.0);
