@@ -14,7 +14,7 @@ import numpy as np
 from peers import clouds, ours
 from peers.table import Row, difference, errors, successes, told
 
-SAME = 1e-4
+SAME = 2e-5
 """Degrees that f32 responsibilities may turn a pose by in as many steps."""
 FOUND = 10.0
 """Degrees within which a pose counts as found."""
@@ -50,9 +50,9 @@ def same_steps(scope, peers):
                     turned = ours.angle(rotation(mine), rotation(theirs))
                     yield difference("cpd", name, label, "rotation, deg", turned, SAME)
                     moved = ours.shift(mine, theirs, pair.source)
-                    yield difference("cpd", name, label, "shift, of the size", moved, 1e-6)
+                    yield difference("cpd", name, label, "shift, of the size", moved, 1e-7)
                     grown = abs(scale(mine) / scale(theirs) - 1)
-                    yield difference("cpd", name, label, "scale, relative", grown, 1e-6)
+                    yield difference("cpd", name, label, "scale, relative", grown, 5e-7)
 
 
 def protocol(scope, peers, kind, large):
@@ -62,8 +62,11 @@ def protocol(scope, peers, kind, large):
     label = f"{kind.__name__} bunny {'large' if large else 'small'}"
     mine = [ours.register(pair.source, pair.target, "cpd")["transform"] for pair in pairs]
     mine = errors_of(mine, pairs)
-    for name, peer in peers.items():
-        theirs = errors_of([peer(pair, 0.1, False) for pair in pairs], pairs)
+    variants = {f"{name}, scale": (peer, True) for name, peer in peers.items()}
+    if "probreg" in peers:
+        variants["probreg, fixed scale"] = (probreg, False)
+    for name, (peer, scaled) in variants.items():
+        theirs = errors_of([peer(pair, 0.1, scaled) for pair in pairs], pairs)
         found = [int(sum(error[:, 0] < FOUND)) for error in (mine, theirs)]
         yield successes("cpd", name, label, *found, trials)
         yield median_angle(name, label, *(float(np.median(error[:, 0])) for error in (mine, theirs)))
