@@ -18,9 +18,9 @@ SAME = 2e-5
 """Degrees that f32 responsibilities may turn a pose by in as many steps."""
 FOUND = 10.0
 """Degrees within which a pose counts as found."""
-EXACT = 1e-5
+EXACT = 1e-6
 """Degrees below which a pose of two identical clouds of f32 points is exact: rounded
-coordinates turn the best pose by about 6e-8 / sqrt(500) of a radian, and some."""
+coordinates turn the best pose by 6e-8 / sqrt(500) of a radian, some 1e-7 degrees."""
 
 
 def rows(scope):
@@ -57,7 +57,7 @@ def same_steps(scope, peers):
 
 def protocol(scope, peers, kind, large):
     """The defaults of each and w = 0.1, ours without scale."""
-    trials = 2 if scope.smoke else 20
+    trials = 2 if scope.smoke else 12
     pairs = list(kind("bunny", trials, large))
     label = f"{kind.__name__} bunny {'large' if large else 'small'}"
     mine = [ours.register(pair.source, pair.target, "cpd")["transform"] for pair in pairs]
