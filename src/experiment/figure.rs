@@ -118,7 +118,7 @@ fn points<B: DrawingBackend>(
     sets: &[Vec<[f64; 2]>],
 ) -> Drawn<B> {
     let (width, height) = place.dim_in_pixel();
-    let (low, high) = bounds(sets.iter().flatten());
+    let (low, high) = central(sets.iter().flatten());
     // One scale for both axes: the tighter one.
     let room = (f64::from(width) - 16.0, f64::from(height) - 40.0);
     let scale = ((high[0] - low[0]) / room.0).max((high[1] - low[1]) / room.1) * 1.04;
@@ -131,7 +131,9 @@ fn points<B: DrawingBackend>(
         )?;
     for (set, colour) in sets.iter().zip(COLOURS.iter().cycle()) {
         let style = colour.mix(0.6).filled();
-        chart.draw_series(set.iter().map(|&[x, y]| Circle::new((x, y), 1, style)))?;
+        let within = |p: &&[f64; 2]| (0..2).all(|a| (p[a] - middle[a]).abs() <= half[a]);
+        let dots = set.iter().filter(within).map(|&[x, y]| Circle::new((x, y), 1, style));
+        chart.draw_series(dots)?;
     }
     Ok(())
 }
@@ -210,6 +212,27 @@ fn builder<'a, 'b, B: DrawingBackend>(
     let mut builder = ChartBuilder::on(place);
     builder.caption(labels.title, (FONT, 18)).margin(8).x_label_area_size(38).y_label_area_size(64);
     builder
+}
+
+/// A box about the points that stray ones do not blow up: about the central nine tenths of
+/// the coordinates, half as much more on every side, at most to where there are points.
+fn central<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> ([f64; 2], [f64; 2]) {
+    let points: Vec<&[f64; 2]> = points.filter(|p| p.iter().all(|x| x.is_finite())).collect();
+    let (mut low, mut high) = bounds(points.iter().copied());
+    for a in 0..2 {
+        let mut along: Vec<f64> = points.iter().map(|p| p[a]).collect();
+        if along.is_empty() {
+            continue;
+        }
+        along.sort_by(f64::total_cmp);
+        let at = |share: f64| along[(share * (along.len() - 1) as f64) as usize];
+        let (first, last) = (at(0.05), at(0.95));
+        let more = 0.5 * (last - first);
+        if more > 0.0 {
+            (low[a], high[a]) = (low[a].max(first - more), high[a].min(last + more));
+        }
+    }
+    (low, high)
 }
 
 /// Lowest and highest coordinates; a box of some size where there are no two places.

@@ -5,11 +5,15 @@
 
 use std::path::Path;
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::pictures::seen;
+use super::record::SEED;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
+use crate::experiment::Motion;
 use crate::experiment::figure::{Content, Panel};
 use crate::method::{Cf, Cfk, Method, Register};
 use crate::quality::{TruthError, truth_error};
@@ -40,7 +44,8 @@ pub struct Outcome {
     pub error: TruthError,
 }
 
-/// Registers `points` of each scan by CF and CFK; `None` where the scans are not.
+/// Registers `points` of each scan, the source turned at random, by CF and CFK; `None` where
+/// the scans are not.
 ///
 /// # Errors
 /// Those of the readers and of the methods.
@@ -54,7 +59,12 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
         let cloud = io::read(path)?;
         Ok::<_, Error>(filter::sample(&cloud, points, seed))
     };
-    let (source, target) = (read(&source, 1)?, read(&target, 2)?);
+    // The scanner stood in the origin of its file; it goes along.
+    let seen = |cloud: PointCloud| cloud.with_viewpoint([0.0; 3]);
+    let (source, target) = (seen(read(&source, 1)?)?, seen(read(&target, 2)?)?);
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let motion = Motion::Large.draw(source.centroid(), &mut rng);
+    let (source, truth) = (source.transformed(&motion)?, truth.after(&motion.inverse()));
     let outcome = |method: Method| {
         let found = method.register(&source, &target)?;
         let error = truth_error(&found.transform, &truth, source.centroid());
