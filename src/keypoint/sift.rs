@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{check_unit, unit, within};
+use super::{canonical_order, check_unit, unit, within};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
@@ -22,8 +22,13 @@ const REACH: f64 = 3.0;
 /// mean values; smooths at scales σ·2^((i−1)/s), i = 0 to s + 2; and keeps the points where
 /// the difference of successive scales is the extremum among the 25 nearest, in its own
 /// scale and the two beside it. The answer is the cloud's point nearest to each.
+///
+/// The grid starts at the cloud's lowest corner, so that a shift, such as a map offset,
+/// changes nothing. PCL's starts at the origin: on a cloud whose lowest corner lies there
+/// both find the same points, elsewhere two thirds of the first octave and fewer of the
+/// next. A rotation turns the cloud in the grid and has the same effect.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Sift {
     /// Length that the scale is a multiple of, in the unit of the coordinates. Default
     /// `None`: the cloud's resolution. Set it to 1 to give the scale in the cloud's unit.
@@ -73,16 +78,20 @@ impl Sift {
             return Err(Error::Shape { what, expected: points.len(), found: values.len() });
         }
         let mut scale = self.min_scale * unit(points, self.unit)?;
-        let whole = SearchTree::new(points)?;
-        let (mut points, mut values) = (points.to_vec(), values.to_vec());
+        let order = canonical_order(points, values);
+        let (mut points, mut values): (Vec<_>, Vec<_>) =
+            order.iter().map(|&i| (points[i], values[i])).unzip();
+        let whole = SearchTree::new(&points)?;
+        // One corner for all octaves: the cubes of each are made of whole ones of the last.
+        let corner = [0, 1, 2].map(|a| points.iter().fold(f32::INFINITY, |low, p| low.min(p[a])));
         let mut found = Vec::new();
         for _ in 0..self.octaves {
-            (points, values) = thinned(&points, &values, scale);
+            (points, values) = thinned(&points, &values, corner, scale);
             if points.len() < RIVALS {
                 break;
             }
             let keys = self.octave(&points, &values, scale)?;
-            found.extend(keys.iter().map(|&i| whole.nearest(&points[i]).index as usize));
+            found.extend(keys.iter().map(|&i| order[whole.nearest(&points[i]).index as usize]));
             scale *= 2.0;
         }
         found.sort_unstable();
@@ -141,14 +150,18 @@ impl Sift {
     }
 }
 
-/// Mean point and mean value of every occupied cube of side `size`; the grid starts at the
-/// lowest corner.
-fn thinned(points: &[[f32; 3]], values: &[f32], size: f64) -> (Vec<[f32; 3]>, Vec<f32>) {
-    let low = points.iter().fold([f32::INFINITY; 3], |low, p| [0, 1, 2].map(|a| low[a].min(p[a])));
+/// Mean point and mean value of every occupied cube of side `size` in a grid that starts
+/// at `corner`.
+fn thinned(
+    points: &[[f32; 3]],
+    values: &[f32],
+    corner: [f32; 3],
+    size: f64,
+) -> (Vec<[f32; 3]>, Vec<f32>) {
     let mut cubes: BTreeMap<[i64; 3], (Vec3, f64, f64)> = BTreeMap::new();
     for (p, &value) in points.iter().zip(values) {
         let p = p.map(f64::from);
-        let cube = math::sub(p, low.map(f64::from)).map(|x| (x / size).floor() as i64);
+        let cube = math::sub(p, corner.map(f64::from)).map(|x| (x / size).floor() as i64);
         let (sum, total, count) = cubes.entry(cube).or_default();
         *sum = math::add(*sum, p);
         *total += f64::from(value);
