@@ -13,8 +13,8 @@ use crate::search::{Neighbor, SearchTree};
 /// A point is salient when the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of its neighbourhood's covariance
 /// are well apart; of the salient points those are kept whose λ₃ is the largest around.
 /// The covariance is about the neighbourhood's mean. (PCL sums about the point itself
-/// without dividing by the number of neighbours, so that density decides too: a quarter
-/// to a half of its points are others.)
+/// without dividing by the number of neighbours, so that density decides too: on scans a
+/// tenth to a third of its points are the same.)
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iss {
@@ -106,7 +106,11 @@ impl Iss {
         if members.len() < self.min_neighbors {
             return 0.0;
         }
-        let member = |neighbor: &Neighbor| points[neighbor.index as usize].map(f64::from);
+        // In the order of indices, not of distances: points with the same neighbourhood tie
+        // exactly, and rounding does not choose between them.
+        let mut members: Vec<u32> = members.iter().map(|neighbor| neighbor.index).collect();
+        members.sort_unstable();
+        let member = |&index: &u32| points[index as usize].map(f64::from);
         let n = members.len() as f64;
         let sum = members.iter().map(member).fold([0.0; 3], math::add);
         let mean = math::scaled(sum, 1.0 / n);

@@ -1,0 +1,136 @@
+"""CFK beside the way the paper computed it, and the keypoints beside PCL's and Open3D's."""
+
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+import scans
+from peers import pcl_features, table
+from peers.cf import compared, ours_by, protocols
+from surfaces import as_f32
+from system_libraries import import_open3d
+
+SIFT = {"min_scale": 1.0, "octaves": 3, "scales": 4, "min_contrast": 0.0}
+ISS = {"salient_radius": 6.0, "non_max_radius": 4.0, "gamma21": 0.975, "gamma32": 0.975}
+MIN_NEIGHBORS = 5
+
+SCANS = {
+    scans.BUNNY: None,
+    scans.DRAGON: None,
+    "kitti00/000000.ply": 20_000,
+    scans.ROOM: None,
+}
+"""Whose keypoints are compared, and of how many of their points."""
+
+
+def rows(scope):
+    if scans.data_folder() is None:
+        print("left out: keypoints and CFK (CFREG_DATA and ../shared/data are absent)")
+        return
+    for name, points in SCANS.items():
+        points = 2_000 if scope.smoke else points
+        cloud = scans.scan(name)
+        cloud = scans.sample(cloud, points or len(cloud), np.random.default_rng(0))
+        yield from keypoints(f"{Path(name).stem}, {len(cloud)} points", cloud)
+    if pcl_features.program("described_points") is None:
+        return
+    mine = ours_by("cfk", keypoints={"sift": SIFT})
+    for name, pairs in protocols(2 if scope.smoke else 25):
+        yield from compared("cfk", name, pairs, mine, published)
+
+
+def published(pair):
+    """PCL's keypoints with the same settings: its scales are in the unit of the cloud."""
+    sifts = [
+        (SIFT["min_scale"] * resolution(cloud), *list(SIFT.values())[1:])
+        for cloud in (pair.source, pair.target)
+    ]
+    return pcl_features.pose(pair.source, pair.target, sifts=sifts)
+
+
+def resolution(cloud):
+    """Median distance to the nearest other point."""
+    return float(np.median(cKDTree(cloud).query(cloud, 2)[0][:, 1]))
+
+
+# --- keypoints by themselves ---------------------------------------------------------
+
+
+def keypoints(name, cloud):
+    """SIFT beside PCL's, with both grids from the same corner and where they happen to lie;
+    ISS beside Open3D's and PCL's."""
+    import cfreg
+
+    _, curvature = cfreg.estimate_normals(cloud)
+    unit = resolution(cloud)
+    # PCL's grid starts at the origin, the crate's at the lowest corner.
+    at_origin = as_f32(cloud - cloud.min(axis=0))
+    if pcl_features.program("keypoints") is not None:
+        for where, moved in (("one grid", at_origin), ("other grid", cloud)):
+            found = cfreg.keypoints(moved, values=curvature[:, None], unit=unit, **SIFT)
+            theirs = sift_by_pcl(moved, curvature, unit)
+            least = 0.99 if where == "one grid" else None
+            yield agreement("PCL SIFT", name, where, shared_places(moved, found, theirs), least)
+    found = cfreg.keypoints(cloud, "iss", unit=unit, min_neighbors=MIN_NEIGHBORS, **ISS)
+    theirs = iss_by_open3d(cloud, unit)
+    yield agreement("Open3D ISS", name, "ISS", shared_places(cloud, found, theirs), 0.99)
+    if pcl_features.program("keypoints") is not None:
+        theirs = at_origin[iss_by_pcl(at_origin, curvature, unit)]
+        yield agreement("PCL ISS", name, "ISS", shared_places(at_origin, found, theirs), None)
+
+
+def shared_places(cloud, found, theirs):
+    """How many keypoints either finds, and the share of theirs that are ours too. PCL gives
+    means of a voxel: two points of the cloud may be equally near, and either will do."""
+    theirs = np.unique(theirs, axis=0)
+    nearest, indices = cKDTree(cloud).query(theirs)
+    ours_at = cKDTree(cloud[found]).query(theirs)[0]
+    slack = 1e-3 * nearest + 1e-6 * np.ptp(cloud)
+    return len(found), len(np.unique(indices)), float((ours_at <= nearest + slack).mean())
+
+
+def agreement(peer, clouds_of, what, numbers, least):
+    """A row; the numbers of keypoints may differ by as little as their places."""
+    mine, theirs, share = numbers
+    rule, holds = "", True
+    if least is not None:
+        rule = f"share and numbers at least {least}"
+        holds = share >= least and min(mine, theirs) >= least * max(mine, theirs)
+    found = f"{mine} | {theirs}, {share:.3f}"
+    return table.Row("cfk", peer, clouds_of, f"{what}: found, share", found, rule, holds)
+
+
+def sift_by_pcl(cloud, values, unit):
+    """Places (n, 3)."""
+    settings = [SIFT["min_scale"] * unit, *list(SIFT.values())[1:]]
+    return run_keypoints(cloud, values, "sift", settings)[:, :3]
+
+
+def iss_by_pcl(cloud, values, unit):
+    """Indices (n,)."""
+    lengths = [ISS["salient_radius"] * unit, ISS["non_max_radius"] * unit]
+    settings = [*lengths, ISS["gamma21"], ISS["gamma32"], MIN_NEIGHBORS]
+    return run_keypoints(cloud, values, "iss", settings)[:, 0].astype(int)
+
+
+def run_keypoints(cloud, values, detector, settings):
+    with tempfile.TemporaryDirectory() as folder:
+        given, out, stages = (Path(folder) / name for name in ("cloud", "out", "stages"))
+        np.savetxt(given, np.column_stack([cloud, values]), fmt="%.9g")
+        command = [pcl_features.program("keypoints"), given, out, stages, detector]
+        subprocess.run([*command, *map(repr, settings)], check=True)
+        return np.loadtxt(out, ndmin=2)
+
+
+def iss_by_open3d(cloud, unit):
+    """Places (n, 3)."""
+    o3d = import_open3d()
+    given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(cloud))
+    lengths = [ISS["salient_radius"] * unit, ISS["non_max_radius"] * unit]
+    found = o3d.geometry.keypoint.compute_iss_keypoints(
+        given, *lengths, ISS["gamma21"], ISS["gamma32"], MIN_NEIGHBORS
+    )
+    return np.asarray(found.points)
