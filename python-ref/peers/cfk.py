@@ -9,11 +9,16 @@ from scipy.spatial import cKDTree
 
 import scans
 from peers import pcl_features, table
-from peers.cf import compared, ours_by, protocols
+from peers.cf import compared, error, ours_by, protocols
 from surfaces import as_f32
 from system_libraries import import_open3d
 
-SIFT = {"min_scale": 1.0, "octaves": 3, "scales": 4, "min_contrast": 0.0}
+SIFT = {"min_scale": 0.5, "octaves": 4, "scales": 8, "min_contrast": 0.0}
+OTHER_SCALES = tuple(
+    {"min_scale": min_scale, "octaves": octaves, "scales": scales}
+    for min_scale, octaves, scales in ((1.0, 3, 4), (1.0, 4, 16), (0.25, 5, 8))
+)
+"""Choices beside the default, coarser and finer."""
 ISS = {"salient_radius": 6.0, "non_max_radius": 4.0, "gamma21": 0.975, "gamma32": 0.975}
 MIN_NEIGHBORS = 5
 
@@ -35,11 +40,32 @@ def rows(scope):
         cloud = scans.scan(name)
         cloud = scans.sample(cloud, points or len(cloud), np.random.default_rng(0))
         yield from keypoints(f"{Path(name).stem}, {len(cloud)} points", cloud)
+    pairs_of = list(protocols(2 if scope.smoke else 25))
+    for name, pairs in pairs_of:
+        yield from beside_all_points(name, pairs)
     if pcl_features.program("described_points") is None:
         return
     mine = ours_by("cfk", keypoints={"sift": SIFT})
-    for name, pairs in protocols(2 if scope.smoke else 25):
+    for name, pairs in pairs_of:
         yield from compared("cfk", name, pairs, mine, published)
+
+
+def beside_all_points(name, pairs):
+    """The evidence for the default scales: what each choice of them costs beside CF."""
+    cf = answers(pairs, ours_by("cf"))[0]
+    for choice in (SIFT, *OTHER_SCALES):
+        errors, points = answers(pairs, ours_by("cfk", keypoints={"sift": choice}))
+        scales = [choice[key] for key in ("min_scale", "octaves", "scales")]
+        what = f"{points:.0f} keypoints of {scales}: median"
+        yield table.told("cfk", "cf of all points", name, what, np.median(errors), np.median(cf))
+
+
+def answers(pairs, answer):
+    """Errors of the pairs, infinite where there is no answer, and the mean number of points
+    that were connected."""
+    found = [answer(pair) for pair in pairs]
+    errors = [np.inf if pose is None else error(p.kind, pose, p) for p, (pose, _) in zip(pairs, found)]
+    return errors, np.mean([counts for _, counts in found])
 
 
 def published(pair):
