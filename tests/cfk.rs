@@ -157,8 +157,7 @@ fn keypoints_are_described_from_all_points_around() {
     for cloud in [&source, &target] {
         let neighbors = Neighbors::find(cloud.points(), Neighborhood::Nearest(K)).unwrap();
         let normals = normals::estimate(cloud, &neighbors, Orientation::Viewpoint).unwrap();
-        let all =
-            fpfh(cloud.points(), &normals.vectors, &neighbors, HistogramScale::Pcl).unwrap();
+        let all = fpfh(cloud.points(), &normals.vectors, &neighbors, HistogramScale::Pcl).unwrap();
         let rows = cfk.keypoints.detect(cloud.points(), &normals.curvature).unwrap();
         let prepared = prepare(cloud);
         let described = prepared.described();
@@ -179,10 +178,8 @@ fn keypoints_are_described_from_all_points_around() {
 #[test]
 fn any_rotation_is_found_from_keypoints() {
     for (keypoints, vector) in detectors().into_iter().zip([[0.0, 2.9, 0.5], [1.0, -1.0, 0.2]]) {
-        let truth = Transform {
-            translation: [0.3, -0.1, 0.2],
-            ..Transform::from_rotation_vector(vector)
-        };
+        let truth =
+            Transform { translation: [0.3, -0.1, 0.2], ..Transform::from_rotation_vector(vector) };
         let source = cloud(3000, 1);
         let target = cloud(3000, 2).transformed(&truth).unwrap();
         let found = cfk(keypoints).register(&source, &target).unwrap();

@@ -69,12 +69,12 @@ impl Iss {
     /// Indices of the keypoints, ascending.
     ///
     /// # Errors
-    /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::Config`] for
-    /// a cloud without a resolution.
+    /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::NonFinite`]
+    /// for a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution.
     pub fn detect(&self, points: &[[f32; 3]]) -> Result<Vec<usize>> {
         self.validate()?;
+        let order = canonical_order(points, &[])?;
         let unit = unit(points, self.unit)?;
-        let order = canonical_order(points, &[]);
         let points: Vec<[f32; 3]> = order.iter().map(|&i| points[i]).collect();
         let tree = SearchTree::new(&points)?;
         let around = |i: usize, radius: f64| tree.within(&points[i], radius * unit);

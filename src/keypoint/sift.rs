@@ -25,8 +25,8 @@ const REACH: f64 = 3.0;
 ///
 /// The grid starts at the cloud's lowest corner, so that a shift, such as a map offset,
 /// changes nothing. PCL's starts at the origin: on a cloud whose lowest corner lies there
-/// both find the same points, elsewhere two thirds of the first octave and fewer of the
-/// next. A rotation turns the cloud in the grid and has the same effect.
+/// both find the same points, elsewhere 65 to 85 % of them, fewer in coarser octaves. A
+/// rotation turns the cloud in the grid and has the same effect.
 ///
 /// PCL has no default scales. These leave a fifth of 500 points of a mesh and a seventh to
 /// a fifth of a scan. On the paper's protocols (30 pairs each; `python -m peers --only cfk`
@@ -81,17 +81,17 @@ impl Sift {
     /// Indices of the keypoints, ascending.
     ///
     /// # Errors
-    /// [`Error::Shape`] unless there is a value for every point; those of
-    /// [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::Config`] for a cloud
-    /// without a resolution.
+    /// [`Error::Shape`] unless there is a value for every point; [`Error::NonFinite`] for a
+    /// NaN or infinite coordinate or value; those of [`validate`](Self::validate) and
+    /// [`SearchTree::new`]; [`Error::Config`] for a cloud without a resolution.
     pub fn detect(&self, points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
         self.validate()?;
         if points.len() != values.len() {
             let what = "values for the points of a cloud".into();
             return Err(Error::Shape { what, expected: points.len(), found: values.len() });
         }
+        let order = canonical_order(points, values)?;
         let mut scale = self.min_scale * unit(points, self.unit)?;
-        let order = canonical_order(points, values);
         let (mut points, mut values): (Vec<_>, Vec<_>) =
             order.iter().map(|&i| (points[i], values[i])).unzip();
         let whole = SearchTree::new(&points)?;
@@ -233,5 +233,13 @@ mod tests {
         }
         let short = sift.detect(&points, &values[1..]);
         assert!(matches!(short, Err(Error::Shape { .. })));
+        let (mut hole, mut nan) = (points.clone(), values.clone());
+        (hole[7][1], nan[5]) = (f32::NAN, f32::INFINITY);
+        for sift in [sift, Sift { unit: Some(1.0), ..sift }] {
+            let found = sift.detect(&hole, &values);
+            assert!(matches!(found, Err(Error::NonFinite { index: 7, .. })));
+            let found = sift.detect(&points, &nan);
+            assert!(matches!(found, Err(Error::NonFinite { index: 5, .. })));
+        }
     }
 }

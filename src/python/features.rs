@@ -61,7 +61,7 @@ pub(super) fn estimate_normals<'py>(
 /// points : (N, 3) float32 or float64, any unit
 /// detector : "sift", extrema of a number a point over place and scale, or "iss",
 ///     intrinsic shape signatures
-/// values : (N, 1) float32 or float64, the number a point that SIFT looks at. None: the
+/// values : (N,) float32 or float64, the number a point that SIFT looks at. None: the
 ///     curvature that estimate_normals finds with 150 neighbors
 /// settings : of the detector, by name: for "sift" unit, min_scale, octaves, scales and
 ///     min_contrast, for "iss" unit, salient_radius, non_max_radius, gamma21, gamma32 and
@@ -88,8 +88,12 @@ pub(super) fn keypoints<'py>(
     let detector: Keypoints = serde_json::from_value(json!({ detector: settings }))
         .map_err(|error| PyValueError::new_err(format!("detector = {detector}: {error}")))?;
     let cloud = whole_cloud(points, "points")?;
-    let values =
-        values.map(|given| table_for(given, "values", cloud.len(), "points")).transpose()?;
+    let column = |values: &Bound<'py, PyAny>| {
+        // What has no shape is refused by its type below.
+        let values = values.call_method1("reshape", (-1, 1)).unwrap_or_else(|_| values.clone());
+        table_for(&values, "values", cloud.len(), "points")
+    };
+    let values = values.map(column).transpose()?;
     let found = released(py, || match &values {
         Some(values) => detector.detect(cloud.points(), values.as_slice()),
         None => {
