@@ -6,7 +6,7 @@ use super::{canonical_order, check_unit, unit, within};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
-use crate::search::{Neighbor, SearchTree};
+use crate::search::{self, Neighbor, SearchTree};
 
 /// The ISS detector, as in Open3D.
 ///
@@ -70,13 +70,16 @@ impl Iss {
     ///
     /// # Errors
     /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::NonFinite`]
-    /// for a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution.
+    /// for a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution
+    /// and for radii that hold more neighbours than can be gone through.
     pub fn detect(&self, points: &[[f32; 3]]) -> Result<Vec<usize>> {
         self.validate()?;
         let order = canonical_order(points, &[])?;
         let unit = unit(points, self.unit)?;
         let points: Vec<[f32; 3]> = order.iter().map(|&i| points[i]).collect();
         let tree = SearchTree::new(&points)?;
+        let largest = self.salient_radius.max(self.non_max_radius);
+        search::refuse_crowds(&tree, &points, largest * unit)?;
         let around = |i: usize, radius: f64| tree.within(&points[i], radius * unit);
         let saliency = par::map(
             points.len(),
