@@ -141,6 +141,9 @@ impl Sift {
                 smoothed.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>()
             },
         );
+        // Sums of a constant differ in their last bits, and those are no contrast.
+        let largest = values.iter().fold(0.0, |largest: f32, x| largest.max(x.abs()));
+        let contrast = self.min_contrast.max(1e-12 * f64::from(largest));
         let extreme = par::map(
             points.len(),
             || (),
@@ -155,7 +158,7 @@ impl Sift {
                         row(s).all(|(j, at)| sign * differences[j][at] >= sign * value)
                             && row(s - 1).chain(row(s + 1)).all(above)
                     };
-                    value.abs() >= self.min_contrast && (is_least(1.0) || is_least(-1.0))
+                    value.abs() >= contrast && (is_least(1.0) || is_least(-1.0))
                 })
             },
         );
@@ -211,7 +214,9 @@ mod tests {
     fn a_constant_has_no_extrema_and_the_unit_does_not_matter() {
         let (points, values) = blob();
         let sift = Sift { min_contrast: 1e-3, ..Sift::default() };
-        assert!(sift.detect(&points, &[0.5; 900]).unwrap().is_empty());
+        for constant in [0.5, 0.3, -1e9] {
+            assert!(Sift::default().detect(&points, &[constant; 900]).unwrap().is_empty());
+        }
         let large: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x * 1024.0)).collect();
         let found = sift.detect(&points, &values).unwrap();
         assert_eq!(found, sift.detect(&large, &values).unwrap());
