@@ -34,7 +34,9 @@ def sift(points, values, min_scale, octaves=3, scales=4, min_contrast=0.0, corne
 
 def sift_octaves(points, values, min_scale, octaves=3, scales=4, min_contrast=0.0, corner=None):
     """Per octave the thinned points (n, 3), their values (n,) and the indices of the
-    extrema among them. Each octave thins the points of the one before."""
+    extrema among them. Each octave thins the points of the one before, by a grid from
+    `corner`: the lowest of the cloud by default, (0, 0, 0) in PCL."""
+    corner = np.min(points, axis=0) if corner is None else np.asarray(corner)
     for octave in range(octaves):
         scale = min_scale * 2**octave
         points, values = thinned(points, values, scale, corner)
@@ -44,12 +46,10 @@ def sift_octaves(points, values, min_scale, octaves=3, scales=4, min_contrast=0.
         yield points, values, extrema(points, differences, min_contrast)
 
 
-def thinned(points, values, size, corner=None):
-    """Mean point and mean value of every occupied cube of a grid of side `size`, which
-    starts at `corner`: the lowest of the cloud by default, (0, 0, 0) in PCL. Points are
-    rounded to f32, as clouds keep them."""
+def thinned(points, values, size, corner):
+    """Mean point and mean value of every occupied cube of a grid of side `size` from
+    `corner`, rounded to f32, as clouds keep them."""
     points = np.asarray(points, dtype=np.float64)
-    corner = points.min(axis=0) if corner is None else np.asarray(corner)
     cubes = np.floor((points - corner) / size).astype(np.int64)
     _, cube = np.unique(cubes, axis=0, return_inverse=True)
     cube = cube.ravel()
