@@ -13,8 +13,8 @@ use crate::search::{self, Neighbor, SearchTree};
 /// A point is salient when the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of its neighbourhood's covariance
 /// are well apart; of the salient points those are kept whose λ₃ is the largest around.
 /// The covariance is about the neighbourhood's mean. (PCL sums about the point itself
-/// without dividing by the number of neighbours, so that density decides too: on scans a
-/// tenth to a third of its points are the same.)
+/// without dividing by the number of neighbours, so that density decides too: on scans at
+/// most a third of its points are the same.)
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iss {

@@ -29,17 +29,16 @@ const REACH: f64 = 3.0;
 /// rotation turns the cloud in the grid and has the same effect.
 ///
 /// PCL has no default scales. These leave a fifth of 500 points of a mesh and a seventh to
-/// a fifth of a scan. On the paper's protocols (30 pairs each; `python -m peers --only cfk`
-/// prints such a table) CFK's median error, beside CF's of all points, is
+/// a fifth of a scan. On the paper's protocols (27 pairs each, `python -m peers --only cfk`
+/// in `python-ref`) CFK's median error, beside CF's of all points, is
 ///
-/// | min_scale, octaves, scales | points of 500 | accuracy bunny, dragon | shift bunny, dragon |
+/// | min_scale, octaves, scales | points of 500 to 600 | accuracy bunny, dragon | shift bunny, dragon |
 /// |---|---|---|---|
-/// | CF | 500 | 0.250, 0.605 | 0.0107, 0.0241 |
-/// | 1, 3, 4 | 35 | 0.322, 0.815 | 0.0152, 0.0356 |
-/// | 0.5, 4, 4 | 58 | 0.317, 0.692 | 0.0124, 0.0281 |
-/// | **0.5, 4, 8** | 103 | 0.251, 0.657 | 0.0115, 0.0268 |
-/// | 1, 4, 16 | 111 | 0.256, 0.677 | 0.0119, 0.0287 |
-/// | 0.25, 5, 8 | 134 | 0.249, 0.549 | 0.0108, 0.0257 |
+/// | CF | all | 0.187, 0.405 | 0.0106, 0.0221 |
+/// | 1, 3, 4 | 38 | 0.251, 0.752 | 0.0131, 0.0300 |
+/// | **0.5, 4, 8** | 110 | 0.199, 0.457 | 0.0106, 0.0250 |
+/// | 1, 4, 16 | 118 | 0.215, 0.518 | 0.0118, 0.0256 |
+/// | 0.25, 5, 8 | 143 | 0.192, 0.460 | 0.0102, 0.0237 |
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sift {

@@ -12,8 +12,8 @@ use crate::par;
 /// described and connected, each from all points around it. Cost falls from N² to n² pairs.
 ///
 /// By default a seventh to a fifth of the points; on the paper's protocols the median error
-/// is then up to a ninth above [`Cf`]'s, with fewer keypoints up to a half ([`Sift`] has the
-/// figures). The result counts the keypoints of either cloud. Fewer than three are an
+/// is then up to an eighth above [`Cf`]'s ([`Sift`] has the figures, and those of fewer
+/// keypoints). The result counts the keypoints of either cloud. Fewer than three are an
 /// error, fewer than [`MIN_KEYPOINTS`](crate::quality::MIN_KEYPOINTS) a doubt.
 ///
 /// PCL describes the mean of a voxel where [`Sift`] finds an extremum, this the cloud's
