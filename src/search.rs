@@ -207,7 +207,7 @@ impl Neighbors {
 const MOST_NEIGHBORS: usize = 500_000_000;
 
 /// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
-fn refuse_crowds(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
+pub(crate) fn refuse_crowds(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
     let step = points.len().div_ceil(100);
     let judged: Vec<usize> =
         points.iter().step_by(step).map(|point| tree.within(point, radius).len()).collect();

@@ -2,18 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{check_unit, unit, within};
+use super::{canonical_order, check_unit, unit, within};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
-use crate::search::{Neighbor, SearchTree};
+use crate::search::{self, Neighbor, SearchTree};
 
-/// The ISS detector, as in Open3D and PCL.
+/// The ISS detector, as in Open3D.
 ///
 /// A point is salient when the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of its neighbourhood's covariance
 /// are well apart; of the salient points those are kept whose λ₃ is the largest around.
+/// The covariance is about the neighbourhood's mean. (PCL sums about the point itself
+/// without dividing by the number of neighbours, so that density decides too: on scans at
+/// most a third of its points are the same.)
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct Iss {
     /// Length that the radii are multiples of, in the unit of the coordinates. Default
     /// `None`: the cloud's resolution. Set it to 1 to give radii in the cloud's unit.
@@ -66,17 +69,22 @@ impl Iss {
     /// Indices of the keypoints, ascending.
     ///
     /// # Errors
-    /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::Config`] for
-    /// a cloud without a resolution.
+    /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::NonFinite`]
+    /// for a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution
+    /// and for radii that hold more neighbours than can be gone through.
     pub fn detect(&self, points: &[[f32; 3]]) -> Result<Vec<usize>> {
         self.validate()?;
+        let order = canonical_order(points, &[])?;
         let unit = unit(points, self.unit)?;
-        let tree = SearchTree::new(points)?;
+        let points: Vec<[f32; 3]> = order.iter().map(|&i| points[i]).collect();
+        let tree = SearchTree::new(&points)?;
+        let largest = self.salient_radius.max(self.non_max_radius);
+        search::refuse_crowds(&tree, &points, largest * unit)?;
         let around = |i: usize, radius: f64| tree.within(&points[i], radius * unit);
         let saliency = par::map(
             points.len(),
             || (),
-            |_, i| self.saliency(points, &around(i, self.salient_radius)),
+            |_, i| self.saliency(&points, &around(i, self.salient_radius)),
         );
         let keep = par::map(
             points.len(),
@@ -90,7 +98,10 @@ impl Iss {
                     && rivals.iter().all(|rival| saliency[rival.index as usize] <= saliency[i])
             },
         );
-        Ok((0..points.len()).filter(|&i| keep[i]).collect())
+        let mut found: Vec<usize> =
+            (0..points.len()).filter(|&i| keep[i]).map(|i| order[i]).collect();
+        found.sort_unstable();
+        Ok(found)
     }
 
     /// λ₃ of the neighbourhood's covariance, 0 where the eigenvalues are not apart.
@@ -98,7 +109,11 @@ impl Iss {
         if members.len() < self.min_neighbors {
             return 0.0;
         }
-        let member = |neighbor: &Neighbor| points[neighbor.index as usize].map(f64::from);
+        // In the order of indices, not of distances: points with the same neighbourhood tie
+        // exactly, and rounding does not choose between them.
+        let mut members: Vec<u32> = members.iter().map(|neighbor| neighbor.index).collect();
+        members.sort_unstable();
+        let member = |&index: &u32| points[index as usize].map(f64::from);
         let n = members.len() as f64;
         let sum = members.iter().map(member).fold([0.0; 3], math::add);
         let mean = math::scaled(sum, 1.0 / n);

@@ -9,6 +9,8 @@ mod sift;
 pub use iss::Iss;
 pub use sift::Sift;
 
+use std::cmp::Ordering;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -72,6 +74,31 @@ fn unit(points: &[[f32; 3]], given: Option<f64>) -> Result<f64> {
     let rule = "most points of the cloud lie in the place of another: thin it by a voxel grid, or \
                 set the unit";
     Err(Error::config("unit", unit, rule))
+}
+
+/// Indices of the points in an order that their coordinates decide, then `values` (one a
+/// point, or none). Sums in this order do not depend on that of the points, nor does which
+/// of two that tie is found.
+///
+/// # Errors
+/// [`Error::NonFinite`] for a NaN or infinite coordinate or value.
+fn canonical_order(points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
+    let bad_point = points.iter().position(|p| p.iter().any(|x| !x.is_finite()));
+    let bad_value = values.iter().position(|x| !x.is_finite());
+    for (what, bad) in [("points", bad_point), ("values of points", bad_value)] {
+        if let Some(index) = bad {
+            return Err(Error::NonFinite { what: format!("{what} to be detected"), index });
+        }
+    }
+    // Adding zero turns -0 into 0.
+    let key = |&i: &usize| points[i].map(|x| x + 0.0);
+    let value = |i: usize| values.get(i).copied().unwrap_or_default();
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|a, b| {
+        let places = key(a).into_iter().zip(key(b)).map(|(x, y)| x.total_cmp(&y));
+        places.fold(Ordering::Equal, Ordering::then).then(value(*a).total_cmp(&value(*b)))
+    });
+    Ok(order)
 }
 
 /// Refuses `value` outside `low..=high`.

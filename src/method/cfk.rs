@@ -11,8 +11,15 @@ use crate::par;
 /// The paper's variant on keypoints (section III): as [`Cf`], but only the keypoints are
 /// described and connected, each from all points around it. Cost falls from N² to n² pairs.
 ///
-/// Less accurate than [`Cf`]: two samples of one surface share few keypoints. A cloud with
-/// fewer than [`MIN_KEYPOINTS`](crate::quality::MIN_KEYPOINTS) is doubted.
+/// By default a seventh to a fifth of the points; on the paper's protocols the median error
+/// is then up to an eighth above [`Cf`]'s ([`Sift`] has the figures, and those of fewer
+/// keypoints). The result counts the keypoints of either cloud. Fewer than three are an
+/// error, fewer than [`MIN_KEYPOINTS`](crate::quality::MIN_KEYPOINTS) a doubt.
+///
+/// PCL describes the mean of a voxel where [`Sift`] finds an extremum, this the cloud's
+/// point nearest to it.
+///
+/// [`Sift`]: crate::keypoint::Sift
 ///
 /// ```
 /// use cfreg::method::{Cfk, Register};

@@ -1,13 +1,18 @@
-//! Normals and descriptors.
+//! Normals, keypoints and descriptors.
 
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::json;
 
-use super::arrays::{rows, table, whole_cloud};
+use super::arrays::{descriptors as table_for, rows, table, whole_cloud};
 use super::errors::{about, count, exception, released};
+use super::registration::json as named;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};
+use crate::keypoint::Keypoints;
 use crate::math::Vec3;
 use crate::method::Describe;
 use crate::normals::{self, Normals, Orientation};
@@ -47,6 +52,56 @@ pub(super) fn estimate_normals<'py>(
     let normals = released(py, || Ok(neighborhoods(&cloud, &describe)?.1))?;
     let vectors = table(py, 3, normals.vectors.into_flattened());
     Ok((vectors, PyArray1::from_vec(py, normals.curvature)))
+}
+
+/// Find keypoints: the few points that stand out from their surroundings.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) float32 or float64, any unit
+/// detector : "sift", extrema of a number a point over place and scale, or "iss",
+///     intrinsic shape signatures
+/// values : (N,) float32 or float64, the number a point that SIFT looks at. None: the
+///     curvature that estimate_normals finds with 150 neighbors
+/// settings : of the detector, by name: for "sift" unit, min_scale, octaves, scales and
+///     min_contrast, for "iss" unit, salient_radius, non_max_radius, gamma21, gamma32 and
+///     min_neighbors. Lengths are in the cloud's resolution, or in `unit`
+///
+/// Returns
+/// -------
+/// (K,) uint64, rows of points, ascending
+///
+/// Raises
+/// ------
+/// ValueError : a row that is not finite, named; a shape or setting out of range
+/// TypeError : not an array of float32 or float64
+#[pyfunction]
+#[pyo3(signature = (points, detector="sift", values=None, **settings))]
+pub(super) fn keypoints<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    detector: &str,
+    values: Option<&Bound<'py, PyAny>>,
+    settings: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyArray1<u64>>> {
+    let settings = settings.map_or_else(|| Ok(json!({})), |settings| named(py, settings))?;
+    let detector: Keypoints = serde_json::from_value(json!({ detector: settings }))
+        .map_err(|error| PyValueError::new_err(format!("detector = {detector}: {error}")))?;
+    let cloud = whole_cloud(points, "points")?;
+    let column = |values: &Bound<'py, PyAny>| {
+        // What has no shape is refused by its type below.
+        let values = values.call_method1("reshape", (-1, 1)).unwrap_or_else(|_| values.clone());
+        table_for(&values, "values", cloud.len(), "points")
+    };
+    let values = values.map(column).transpose()?;
+    let found = released(py, || match &values {
+        Some(values) => detector.detect(cloud.points(), values.as_slice()),
+        None => {
+            let (_, normals) = neighborhoods(&cloud, &Describe::default())?;
+            detector.detect(cloud.points(), &normals.curvature)
+        }
+    })?;
+    Ok(PyArray1::from_vec(py, found.into_iter().map(|row| row as u64).collect()))
 }
 
 /// Compute Fast Point Feature Histograms (Rusu, Blodow and Beetz 2009).

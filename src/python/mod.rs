@@ -16,8 +16,8 @@ mod registration;
 
 /// Rigid point-cloud registration without correspondences and without an initial guess.
 ///
-/// `register` does everything; `estimate_normals`, `fpfh`, `moments` and `solve` are its
-/// stages, for those who bring their own descriptors or weights.
+/// `register` does everything; `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve`
+/// are its stages, for those who bring their own descriptors or weights.
 ///
 /// Points are numpy arrays (N, 3) of float32 or float64 in any unit, points in rows, with
 /// any strides. `source` is moved onto `target`: a pose is the 4x4 matrix T_target_source.
@@ -32,7 +32,7 @@ mod cfreg {
     #[pymodule_export]
     use super::errors::RegistrationError;
     #[pymodule_export]
-    use super::features::{estimate_normals, fpfh};
+    use super::features::{estimate_normals, fpfh, keypoints};
     #[pymodule_export]
     use super::moments::{Moments, moments, solve};
     #[pymodule_export]

@@ -104,7 +104,7 @@ pub(super) fn register<'py>(
 }
 
 /// Whatever Python's own json module can write.
-fn json(py: Python<'_>, settings: &Bound<'_, PyDict>) -> PyResult<Value> {
+pub(super) fn json(py: Python<'_>, settings: &Bound<'_, PyDict>) -> PyResult<Value> {
     let text = py.import("json")?.call_method1("dumps", (settings,))?;
     serde_json::from_str(text.extract()?).map_err(|error| PyValueError::new_err(error.to_string()))
 }

@@ -117,6 +117,28 @@ class Features(unittest.TestCase):
         self.assertLess(np.median(apart), 0.01)
         np.testing.assert_array_equal(given, cfreg.fpfh(points, 30, normals=3.0 * normals.astype(float)))
 
+    def test_keypoints_are_rows_in_order(self):
+        points = terrain(2000)
+        _, curvature = cfreg.estimate_normals(points)
+        for detector in ("sift", "iss"):
+            found = cfreg.keypoints(points, detector)
+            self.assertTrue(10 < len(found) < 1000 and (np.diff(found.astype(int)) > 0).all())
+            order = np.random.default_rng(0).permutation(len(points))
+            again = cfreg.keypoints(points[order], detector, curvature[order])
+            np.testing.assert_array_equal(np.sort(order[again]), found)
+        coarse = cfreg.keypoints(points, min_scale=2.0, octaves=1, values=curvature.astype(float))
+        self.assertLess(len(coarse), len(cfreg.keypoints(points)))
+        for argument, call in {
+            "detector = harris": lambda: cfreg.keypoints(points, "harris"),
+            "detector = iss: unknown field `octaves`": lambda: cfreg.keypoints(points, "iss", octaves=1),
+            "min_scale = -1": lambda: cfreg.keypoints(points, min_scale=-1.0),
+            "values": lambda: cfreg.keypoints(points, values=curvature[1:]),
+        }.items():
+            with self.subTest(argument), self.assertRaisesRegex(ValueError, f"^{argument}"):
+                call()
+        with self.assertRaisesRegex(TypeError, "^values"):
+            cfreg.keypoints(points, values=[0.0] * len(points))
+
     def test_settings_are_refused_by_name(self):
         points = terrain(50)
         hole = points.copy()
@@ -350,6 +372,7 @@ class Register(unittest.TestCase):
         descriptors = cfreg.fpfh(points, neighbors=20)
         calls = {
             "estimate_normals": lambda: cfreg.estimate_normals(points),
+            "keypoints": lambda: cfreg.keypoints(points),
             "fpfh": lambda: cfreg.fpfh(points),
             "moments": lambda: cfreg.moments(
                 points, points, descriptors, descriptors, normalize="sinkhorn:4", threads=1
