@@ -15,8 +15,8 @@ QUANTITY = {"accuracy": "median |I - R Rt|_F", "robustness": "median mean shift"
 def rows(scope):
     if pcl_features.program("described_points") is None or data_folder() is None:
         return
-    for clouds_of, pairs in protocols(1 if scope.smoke else 25):
-        yield from compared("cf", clouds_of, pairs, ours_by("cf"), published)
+    named = list(protocols(1 if scope.smoke else 25))
+    yield from compared("cf", named, ours_by("cf"), published)
 
 
 def published(pair):
@@ -47,26 +47,31 @@ def ours_by(method, **settings):
     return answer
 
 
-def compared(method, name, pairs, mine, theirs, judged=True):
-    """Rows of successes, median errors and points connected of two answers to each pair;
-    with too few pairs for a rule only told."""
-    protocol = pairs[0].kind
-    errors, counts = np.empty((2, len(pairs))), np.empty((2, len(pairs)))
-    for trial, pair in enumerate(pairs):
-        for who, answer in enumerate((mine, theirs)):
-            found, points = answer(pair)
-            errors[who, trial] = np.inf if found is None else error(protocol, found, pair)
-            counts[who, trial] = np.mean(points)
-    found = (errors <= SUCCESS[protocol]).sum(axis=1)
-    medians = np.median(errors, axis=1)
-    peer = "PCL + reference"
-    if judged:
-        yield table.successes(method, peer, name, *found, len(pairs))
-        yield table.errors(method, peer, name, QUANTITY[protocol], *medians)
-    else:
+def compared(method, named, mine, theirs, judged=True):
+    """Rows of two answers to the pairs of each protocol: median errors, poses found and
+    points connected, then the poses found over all protocols. One protocol has too few
+    pairs to tell a success more or less from chance. Without judgement all is only told."""
+    peer, total = "PCL + reference", np.zeros(2, dtype=int)
+    for name, pairs in named:
+        protocol = pairs[0].kind
+        errors, counts = np.empty((2, len(pairs))), np.empty((2, len(pairs)))
+        for trial, pair in enumerate(pairs):
+            for who, answer in enumerate((mine, theirs)):
+                found, points = answer(pair)
+                errors[who, trial] = np.inf if found is None else error(protocol, found, pair)
+                counts[who, trial] = np.mean(points)
+        found = (errors <= SUCCESS[protocol]).sum(axis=1)
+        total += found
+        rule = table.errors if judged else table.told
+        yield rule(method, peer, name, QUANTITY[protocol], *np.median(errors, axis=1))
         yield table.told(method, peer, name, f"found of {len(pairs)}", *found)
-        yield table.told(method, peer, name, QUANTITY[protocol], *medians)
-    yield table.told(method, peer, name, "mean points connected", *counts.mean(axis=1))
+        yield table.told(method, peer, name, "mean points connected", *counts.mean(axis=1))
+    rule = table.successes if judged else told_successes
+    yield rule(method, peer, "all protocols", *total, sum(len(pairs) for _, pairs in named))
+
+
+def told_successes(method, peer, clouds_of, ours_found, theirs_found, trials):
+    return table.told(method, peer, clouds_of, f"found of {trials}", ours_found, theirs_found)
 
 
 def error(protocol, found, pair):

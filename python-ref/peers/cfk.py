@@ -58,8 +58,7 @@ def rows(scope):
     if pcl_features.program("described_points") is None:
         return
     mine = ours_by("cfk", keypoints={"sift": SIFT})
-    for name, pairs in pairs_of:
-        yield from compared("cfk", name, pairs, mine, published, judged=not scope.smoke)
+    yield from compared("cfk", pairs_of, mine, published, judged=not scope.smoke)
 
 
 def beside_all_points(name, pairs):
