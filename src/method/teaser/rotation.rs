@@ -28,8 +28,8 @@ pub(super) struct Round {
 /// Rounds of weights and solves for R in b ≈ R a, and whether they settled (else the last
 /// allowed one was reached).
 ///
-/// Yang, Antonante, Tzoumas and Carlone 2020, algorithm 1 with the TLS weights of eq. 14:
-/// with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for
+/// Graduated non-convexity with the weights of truncated least squares (Yang, Antonante,
+/// Tzoumas and Carlone 2020): with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for
 /// r² ≥ c² (μ+1)/μ, and (c/r) √(μ(μ+1)) − μ between. μ starts at
 /// c²/(2 r²_max − c²), where the cost is convex; ends when it is not positive.
 ///
@@ -89,7 +89,7 @@ fn truncated(squared: f64, control: f64) -> f64 {
 
 /// Every measurement is counted with both signs, which makes the means zero: the rotation
 /// of differences knows no translation.
-fn closed_form(measurements: &[(Vec3, Vec3)], weights: &[f64]) -> Result<Mat3> {
+pub(super) fn closed_form(measurements: &[(Vec3, Vec3)], weights: &[f64]) -> Result<Mat3> {
     let mut moments = Moments::about([0.0; 3], [0.0; 3]);
     for (&(a, b), &weight) in measurements.iter().zip(weights) {
         moments.add_pair(weight, a, b);
