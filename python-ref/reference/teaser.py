@@ -33,7 +33,8 @@ class Teaser:
 
 
 def teaser(source, target, bound, estimate_scale=False, factor=1.4, threshold=0.005):
-    """`source[k]` may correspond to `target[k]`; a right match is off by `bound` at most."""
+    """`source[k]` may correspond to `target[k]`; a right match is off by `bound` at most.
+    None when two sets of consistent matches are the largest."""
     k, l = np.triu_indices(len(source), 1)
     a, b = source[l] - source[k], target[l] - target[k]
     # Either point of a difference may be off.
@@ -43,6 +44,8 @@ def teaser(source, target, bound, estimate_scale=False, factor=1.4, threshold=0.
         length = np.linalg.norm(a, axis=1)
         scale = adaptive_voting(np.linalg.norm(b, axis=1) / length, c / length)
     clique = largest_clique(consistent(source, target, scale, c))
+    if clique is None:
+        return None
     p, q = source[clique], target[clique]
     k, l = np.triu_indices(len(clique), 1)
     rounds = []
@@ -65,22 +68,22 @@ def consistent(source, target, scale, bound):
 def largest_clique(joined):
     """The largest set of vertices that are all joined, ascending; None when two sets are
     that large."""
-    cliques = list(maximal_cliques(joined, set(), set(range(len(joined))), set()))
+    neighbours = [set(np.flatnonzero(row)) for row in joined]
+    cliques = list(maximal_cliques(neighbours, set(), set(range(len(joined))), set()))
     size = max(map(len, cliques))
     largest = [clique for clique in cliques if len(clique) == size]
     return sorted(largest[0]) if len(largest) == 1 else None
 
 
-def maximal_cliques(joined, chosen, candidates, done):
+def maximal_cliques(neighbours, chosen, candidates, done):
     """Bron and Kerbosch 1973, with a pivot."""
     if not candidates and not done:
         yield chosen
         return
-    neighbours = [set(np.flatnonzero(row)) for row in joined]
     pivot = max(candidates | done, key=lambda v: len(candidates & neighbours[v]))
     for v in candidates - neighbours[pivot]:
         yield from maximal_cliques(
-            joined, chosen | {v}, candidates & neighbours[v], done & neighbours[v]
+            neighbours, chosen | {v}, candidates & neighbours[v], done & neighbours[v]
         )
         candidates = candidates - {v}
         done = done | {v}

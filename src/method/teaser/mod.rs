@@ -51,8 +51,8 @@ pub struct Teaser {
     /// Whether a match must be nearest by descriptor both ways; default yes (the paper,
     /// section IV-B). No gives more matches, most of them wrong.
     pub cross_check: bool,
-    /// Largest error β of a right match, in the target's unit, above 0. Default twice the
-    /// resolution of the coarser cloud: the two points of a match are samples of one
+    /// Largest error β of a right match, in the target's unit, above 0. Default four
+    /// resolutions of the coarser cloud: the two points of a match are samples of one
     /// surface, not one point. Lower it for matches that are exact, raise it when few
     /// agree.
     pub noise_bound: Option<f64>,
@@ -102,7 +102,23 @@ impl Default for Teaser {
 }
 
 /// Default noise bound, in resolutions of the coarser cloud.
-const BOUND_IN_RESOLUTIONS: f64 = 2.0;
+///
+/// Measured on 37 real pairs of seven kinds (overlap from 0.3, 2,000 points, 50 neighbours)
+/// and on the paper's protocols with the bunny (100 trials each; accuracy with small and
+/// large rotations, then robustness): poses within 10°, and on the protocols the median of
+/// ‖I − R Rᵀ‖.
+///
+/// | bound | real pairs | protocols | median on them |
+/// |---|---|---|---|
+/// | 0.5 | 18 | 34, 54, 100, 100 | 0.307, 0.229, 0.012, 0.007 |
+/// | 1 | 27 | 55, 71, 100, 100 | 0.217, 0.201, 0.036, 0.022 |
+/// | 2 | 27 | 62, 83, 99, 100 | 0.207, 0.157, 0.086, 0.048 |
+/// | 4 | 33 | 68, 81, 94, 100 | 0.199, 0.171, 0.120, 0.074 |
+/// | 8 | 30 | - | - |
+/// | 0.05, the unit's own | - | 53, 64, 79, 98 | 0.226, 0.188, 0.159, 0.093 |
+///
+/// Robustness has the same points twice, which favours small bounds; scans do not.
+const BOUND_IN_RESOLUTIONS: f64 = 4.0;
 /// Most matches: their graph then takes 512 MB.
 const MOST_MATCHES: usize = 1 << 16;
 /// Most differences between matches that the rotation is solved from: all pairs of 500.
