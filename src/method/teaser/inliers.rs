@@ -1,17 +1,41 @@
 //! Which matches agree with a pose, and how many chance alone would bring together.
 
-use super::graph::Graph;
 use super::matches::Matches;
 use crate::cloud::Transform;
-use crate::math;
+use crate::math::{self, Vec3};
 
 /// Fewest inliers that are believed, whatever chance is: three fix a pose, a fourth and a
 /// fifth confirm it.
 const FEWEST_INLIERS: usize = 5;
 
-/// Fewest inliers that are believed, of the matches whose consistency is `graph`.
-pub(super) fn needed(graph: &Graph) -> usize {
-    beyond_chance(graph.len(), graph.density()).max(FEWEST_INLIERS)
+/// Differences that chance is measured on, on either side.
+const CHANCE_DIFFERENCES: usize = 125_000;
+
+/// Fewest inliers that are believed.
+pub(super) fn needed(matches: &Matches, scale: f64, difference_bound: f64) -> usize {
+    beyond_chance(matches.len(), chance(matches, scale, difference_bound)).max(FEWEST_INLIERS)
+}
+
+/// Share of the pairs of a source and a target distance, of no matter which matches, that
+/// agree: how often wrong matches are consistent, however many are right.
+fn chance(matches: &Matches, scale: f64, difference_bound: f64) -> f64 {
+    let lengths = |(a, b): (Vec3, Vec3)| (scale * math::norm(a), math::norm(b));
+    let (mut there, mut here): (Vec<f64>, Vec<f64>) =
+        matches.differences(CHANCE_DIFFERENCES).into_iter().map(lengths).unzip();
+    there.sort_unstable_by(f64::total_cmp);
+    here.sort_unstable_by(f64::total_cmp);
+    // Both ends of the window only go up.
+    let (mut low, mut high, mut agreeing) = (0, 0, 0);
+    for length in &there {
+        while here.get(low).is_some_and(|x| *x < length - difference_bound) {
+            low += 1;
+        }
+        while here.get(high).is_some_and(|x| *x <= length + difference_bound) {
+            high += 1;
+        }
+        agreeing += high - low;
+    }
+    agreeing as f64 / (there.len() * here.len()).max(1) as f64
 }
 
 /// Matches whose error is within the bound along every axis.
