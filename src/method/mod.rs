@@ -30,7 +30,7 @@ pub use kernel_correlation::KernelCorrelation;
 pub use prepared::{Describe, Prepared};
 pub use registration::{Counts, PointCounts, Registration, Timings};
 pub use schedule::{Step, StopReason};
-pub use teaser::Teaser;
+pub use teaser::{Certificate, Teaser};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;

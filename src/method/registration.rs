@@ -5,8 +5,8 @@ use std::time::Instant;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use super::Method;
 use super::schedule::{Step, StopReason};
+use super::{Certificate, Method};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::moments::Moments;
@@ -56,6 +56,10 @@ pub struct Registration {
     pub time_s: Timings,
     /// The method and every setting that was in force, defaults filled in.
     pub config: Method,
+    /// How far from the best the rotation can be, where the configuration asks for it and
+    /// the method can tell ([`Teaser::certify`](super::Teaser::certify)).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<Certificate>,
     /// The registration that was refined, when this is a refinement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined_from: Option<Box<Registration>>,
@@ -115,6 +119,7 @@ impl Registration {
             points: found.points,
             time_s: times,
             config: found.config,
+            certificate: None,
             refined_from: None,
         })
     }

@@ -9,6 +9,8 @@ mod horn_matrix;
 mod horn_quaternion;
 mod walker;
 
+pub(crate) use horn_quaternion::product_form;
+
 use std::fmt;
 use std::str::FromStr;
 

@@ -56,12 +56,6 @@ impl Graph {
     pub(super) fn degree(&self, v: usize) -> usize {
         count(self.row(v))
     }
-
-    /// Share of the pairs of vertices that are joined.
-    pub(super) fn density(&self) -> f64 {
-        let pairs = self.len as f64 * (self.len as f64 - 1.0);
-        if pairs > 0.0 { count(&self.bits) as f64 / pairs } else { 0.0 }
-    }
 }
 
 /// Number of bits set.

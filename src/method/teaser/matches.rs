@@ -79,6 +79,15 @@ impl Matches {
             .collect()
     }
 
+    /// `most` differences at most: of matches spread evenly over the list where it has more.
+    pub(super) fn differences_of_some(&self, most: usize) -> Vec<(Vec3, Vec3)> {
+        if self.len() <= most {
+            return self.differences(most);
+        }
+        let spread: Vec<usize> = (0..most).map(|i| i * self.len() / most).collect();
+        self.select(&spread).differences(most)
+    }
+
     /// Whether matches `k` and `l` are as far apart in the target as in the source, times
     /// `scale`, to within `bound`.
     pub(super) fn consistent(&self, k: usize, l: usize, scale: f64, bound: f64) -> bool {

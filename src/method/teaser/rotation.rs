@@ -1,6 +1,6 @@
 //! The rotation by graduated non-convexity on truncated least squares.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::{self, Mat3, Vec3};
 use crate::moments::Moments;
 use crate::pose::{self, ScaleEstimate, Solver};
@@ -28,13 +28,14 @@ pub(super) struct Round {
 /// Rounds of weights and solves for R in b ≈ R a, and whether they settled (else the last
 /// allowed one was reached).
 ///
-/// Yang, Antonante, Tzoumas and Carlone 2020, algorithm 1 with the TLS weights of eq. 14:
-/// with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for
+/// Graduated non-convexity with the weights of truncated least squares (Yang, Antonante,
+/// Tzoumas and Carlone 2020): with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for
 /// r² ≥ c² (μ+1)/μ, and (c/r) √(μ(μ+1)) − μ between. μ starts at
-/// c²/(2 r²_max − c²), where the cost is convex; ends when it is not positive.
+/// c²/(2 r²_max − c²), where the cost is convex; ends when it is not positive, and when
+/// the measurements that still have a weight leave the rotation open.
 ///
 /// # Errors
-/// Those of [`pose::solve`] where the measurements leave the rotation open.
+/// Those of [`pose::solve`] where all measurements together leave the rotation open.
 pub(super) fn solve(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
@@ -45,7 +46,12 @@ pub(super) fn solve(
     let mut rounds: Vec<Round> = Vec::new();
     let mut control = 0.0;
     loop {
-        let rotation = closed_form(measurements, &weights)?;
+        let rotation = match closed_form(measurements, &weights) {
+            Ok(rotation) => rotation,
+            // Hardly any measurement agrees with another: the last rotation is as good.
+            Err(Error::Degenerate { .. }) if !rounds.is_empty() => return Ok((rounds, true)),
+            Err(error) => return Err(error),
+        };
         let residual = |&(a, b): &(Vec3, Vec3)| {
             let rest = math::sub(b, math::mat_vec(&rotation, a));
             math::dot(rest, rest) / square
@@ -89,7 +95,7 @@ fn truncated(squared: f64, control: f64) -> f64 {
 
 /// Every measurement is counted with both signs, which makes the means zero: the rotation
 /// of differences knows no translation.
-fn closed_form(measurements: &[(Vec3, Vec3)], weights: &[f64]) -> Result<Mat3> {
+pub(super) fn closed_form(measurements: &[(Vec3, Vec3)], weights: &[f64]) -> Result<Mat3> {
     let mut moments = Moments::about([0.0; 3], [0.0; 3]);
     for (&(a, b), &weight) in measurements.iter().zip(weights) {
         moments.add_pair(weight, a, b);
@@ -114,6 +120,17 @@ mod tests {
             assert!(truncated(high * 0.999_999, control) < 1e-3 * (1.0 + control));
             assert_eq!((truncated(0.0, control), truncated(2.0 * high, control)), (1.0, 0.0));
         }
+    }
+
+    #[test]
+    fn measurements_that_contradict_each_other_end_it() {
+        // Two that agree in one direction, and a third at an impossible angle to them.
+        let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let measurements = [(x, x), (x, x), (y, [0.6, 0.8, 0.0])];
+        let (rounds, settled) = solve(&measurements, 1e-3, SCHEDULE).unwrap();
+        let last = rounds.last().unwrap();
+        assert!(settled && rounds.len() > 1 && last.weight < 3.0, "{rounds:?}");
+        assert!((math::determinant(&last.rotation) - 1.0).abs() < 1e-9);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Adaptive voting: the truncated least-squares estimate of one number, exactly.
 
 /// The x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds
-/// αᵢ > 0 (TEASER, section V, with c̄ = 1); `None` without measurements.
+/// αᵢ > 0 (TEASER's adaptive voting, with c̄ = 1); `None` without measurements.
 ///
 /// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ:
 /// between two of them the best x is the weighted mean of that set, so that running sums

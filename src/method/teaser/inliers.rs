@@ -1,0 +1,84 @@
+//! Which matches agree with a pose, and how many chance alone would bring together.
+
+use super::matches::Matches;
+use crate::cloud::Transform;
+use crate::math::{self, Vec3};
+
+/// Fewest inliers that are believed, whatever chance is: three fix a pose, a fourth and a
+/// fifth confirm it.
+const FEWEST_INLIERS: usize = 5;
+
+/// Differences that chance is measured on, on either side.
+const CHANCE_DIFFERENCES: usize = 125_000;
+
+/// Fewest inliers that are believed.
+pub(super) fn needed(matches: &Matches, scale: f64, difference_bound: f64) -> usize {
+    beyond_chance(matches.len(), chance(matches, scale, difference_bound)).max(FEWEST_INLIERS)
+}
+
+/// Share of the pairs of a source and a target distance, of no matter which matches, that
+/// agree: how often wrong matches are consistent, however many are right.
+fn chance(matches: &Matches, scale: f64, difference_bound: f64) -> f64 {
+    let lengths = |(a, b): (Vec3, Vec3)| (scale * math::norm(a), math::norm(b));
+    let (mut there, mut here): (Vec<f64>, Vec<f64>) =
+        matches.differences(CHANCE_DIFFERENCES).into_iter().map(lengths).unzip();
+    there.sort_unstable_by(f64::total_cmp);
+    here.sort_unstable_by(f64::total_cmp);
+    // Both ends of the window only go up.
+    let (mut low, mut high, mut agreeing) = (0, 0, 0);
+    for length in &there {
+        while here.get(low).is_some_and(|x| *x < length - difference_bound) {
+            low += 1;
+        }
+        while here.get(high).is_some_and(|x| *x <= length + difference_bound) {
+            high += 1;
+        }
+        agreeing += high - low;
+    }
+    agreeing as f64 / (there.len() * here.len()).max(1) as f64
+}
+
+/// Matches whose error is within the bound along every axis.
+pub(super) fn agreeing(matches: &Matches, transform: &Transform, bound: f64) -> Vec<usize> {
+    let (source_origin, target_origin) = matches.origins();
+    let shift = math::sub(transform.apply(source_origin), target_origin);
+    let within = |&k: &usize| {
+        let turned = math::scaled(transform.rotate(matches.source[k]), transform.scale);
+        let rest = math::sub(math::add(turned, shift), matches.target[k]);
+        rest.iter().all(|x| x.abs() <= bound)
+    };
+    (0..matches.len()).filter(within).collect()
+}
+
+/// Size from which a set of consistent matches is hardly chance, of `matches` of whose
+/// pairs the share `density` is consistent.
+///
+/// k points in space have 3k − 6 independent distances, so that chance makes about
+/// C(n, k) density^(3k − 6) sets of k consistent. The least k beyond the crest of that
+/// number where it is below 1/100.
+fn beyond_chance(matches: usize, density: f64) -> usize {
+    let n = matches as f64;
+    let mut logarithm = 0.0;
+    for k in 1..=matches {
+        // ln C(n, k), term by term.
+        logarithm += ((n - k as f64 + 1.0) / k as f64).ln();
+        let sets = logarithm + (3.0 * k as f64 - 6.0) * density.ln();
+        let growth = ((n - k as f64) / (k as f64 + 1.0)).ln() + 3.0 * density.ln();
+        if k > 3 && growth < 0.0 && sets < -100f64.ln() {
+            return k;
+        }
+    }
+    matches + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_agreeing_pairs_call_for_more_inliers() {
+        assert!(beyond_chance(1000, 0.01) <= FEWEST_INLIERS);
+        assert!(beyond_chance(1000, 0.05) < beyond_chance(1000, 0.1));
+        assert_eq!(beyond_chance(10, 1.0), 10 + 1);
+    }
+}
