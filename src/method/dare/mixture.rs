@@ -33,6 +33,14 @@ pub(super) struct View {
     pub(super) weights: Vec<f64>,
 }
 
+impl View {
+    /// Distance of the farthest point from the centroid.
+    pub(super) fn reach(&self) -> f64 {
+        let squares = self.points.iter().map(|p| p.map(f64::from)).map(|p| math::dot(p, p));
+        squares.fold(0.0, f64::max).sqrt()
+    }
+}
+
 /// Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
 pub(super) struct Mixture {
     pub(super) means: Vec<Vec3>,

@@ -132,6 +132,11 @@ impl Dare {
             Ok::<_, Error>([view(source, frame.source)?, view(target, frame.target)?])
         })?;
         let mut pose = frame.inward(&Transform { scale: 1.0, ..*initial });
+        if math::norm(pose.translation) > from.reach() + to.reach() {
+            // No point can meet another: such a shift knows nothing, and the scene would
+            // be so wide that f32 loses the clouds in it.
+            pose.translation = [0.0; 3];
+        }
         let mut mixture = config.scene(&from, &to, &pose);
         let mut trace = Vec::new();
         let (mut before, mut iterations) = (f64::NEG_INFINITY, 0);
@@ -198,8 +203,7 @@ impl Dare {
         let square = |p: Vec3| math::dot(p, p);
         let spread = all.iter().map(|&p| square(math::sub(p, center))).sum::<f64>() / n;
         // Each cloud about its own centroid: outliers fill the ball that holds both.
-        let reach = source.points.iter().chain(&target.points).map(|p| square(p.map(f64::from)));
-        let radius = reach.fold(0.0, f64::max).sqrt();
+        let radius = source.reach().max(target.reach());
         let k = self.components.unwrap_or(4);
         let lay = |direction| math::add(center, math::scaled(direction, (spread / 3.0).sqrt()));
         Mixture {
