@@ -1,7 +1,10 @@
 """DARE's EM, step by step: with density weights, without, and with other settings."""
 
+import itertools
+
 import numpy as np
 
+from reference import separation
 from reference.dare import dare
 from surfaces import as_f32, random_rotation, relief
 
@@ -19,6 +22,10 @@ def cases():
     source = dense_on_one_side(relief(140, rng))
     turn = random_rotation(rng, degrees=20.0)
     target = as_f32(relief(80, rng) @ turn.T + [0.3, -0.2, 0.5])
+    for run, cloud in itertools.product(RUNS, (source, target)):
+        # No neighbourhood is near a tie that f32 would decide otherwise.
+        if run["density_neighbors"]:
+            assert separation(cloud, run["density_neighbors"]).min() > 5e-6
     given = {"source": source, "target": target, "iterations": ITERATIONS, "runs": list(RUNS)}
     expected = {"runs": [steps(dare(source, target, iterations=ITERATIONS, **run)) for run in RUNS]}
     return {"dare": (given, expected)}

@@ -7,7 +7,8 @@ of the surface it stands for. With equal weights this is JRMPC (Evangelidis and 
 PAMI 2018).
 
 The papers leave the start open. Here: clouds about their centroids in root mean square
-radii of the target; means evenly on a sphere, by the golden angle; one wide variance.
+radii of the target; means evenly on a sphere, by the golden angle, that turns with the
+target; one wide variance.
 """
 
 from dataclasses import dataclass
@@ -58,7 +59,7 @@ def dare(
 
     everything = np.vstack([moved(view, pose) for view, pose in zip(views, poses)])
     spread = everything.var(axis=0).sum()
-    means = everything.mean(axis=0) + np.sqrt(spread / 3.0) * golden_sphere(components)
+    means = everything.mean(axis=0) + np.sqrt(spread / 3.0) * golden_sphere(components) @ axes(views[1])
     variances = np.full(components, initial_sigma**2 * spread)
     radius = max(np.linalg.norm(view, axis=1).max() for view in views)
     outlier_density = outlier_ratio / (4.0 / 3.0 * np.pi * radius**3)
@@ -117,6 +118,14 @@ def observation_weights(points, neighbors):
 def principal_variances(points):
     """Ascending, (3,)."""
     return np.maximum(np.linalg.eigvalsh(np.cov(points.T, bias=True)), 0.0)
+
+
+def axes(points):
+    """Principal axes as rows, right-handed: the widest first, each of the first two
+    towards its longer tail."""
+    _, vectors = np.linalg.eigh(points.T @ points)
+    first, second = (axis * np.sign(((points @ axis) ** 3).sum()) for axis in vectors.T[:0:-1])
+    return np.stack([first, second, np.cross(first, second)])
 
 
 def golden_sphere(count):

@@ -10,7 +10,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::cloud::Transform;
 use crate::error::Result;
-use crate::math::{self, Vec3, fast};
+use crate::math::{self, Mat3, Vec3, fast};
 use crate::moments::Moments;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solution, Solver};
@@ -38,6 +38,24 @@ impl View {
     pub(super) fn reach(&self) -> f64 {
         let squares = self.points.iter().map(|p| p.map(f64::from)).map(|p| math::dot(p, p));
         squares.fold(0.0, f64::max).sqrt()
+    }
+
+    /// Principal axes, a right-handed frame: the widest first, each of the first two
+    /// towards its longer tail.
+    pub(super) fn axes(&self) -> Mat3 {
+        let points = || self.points.iter().map(|p| p.map(f64::from));
+        let mut squares = [[0.0; 3]; 3];
+        for p in points() {
+            let outer = math::outer(p, p);
+            squares = [0, 1, 2].map(|a| math::add(squares[a], outer[a]));
+        }
+        let (_, [_, second, first]) = math::eigen::symmetric(&squares);
+        let tailed = |axis: Vec3| {
+            let cubes: f64 = points().map(|p| math::dot(p, axis).powi(3)).sum();
+            math::scaled(axis, if cubes < 0.0 { -1.0 } else { 1.0 })
+        };
+        let (first, second) = (tailed(first), tailed(second));
+        [first, second, math::cross(first, second)]
     }
 }
 

@@ -26,9 +26,9 @@ const HELD: u32 = 3;
 /// observation weights w (sum 1 a cloud) undo the sampling density; both poses, the means
 /// and the variances are estimated, and the answer is the source's pose seen from the
 /// target's. The means start on a spherical Fibonacci lattice (the authors draw them at
-/// random), the variances wide, which lays centroid on centroid: it forgets the shift of
-/// the initial pose, not its rotation. Rotations of 60° and more end
-/// in a wrong optimum. The trace's objective is the log-likelihood per
+/// random) that turns with the target, the variances wide, which lays centroid on centroid:
+/// it forgets the shift of the initial pose, not its rotation. Rotations of 60° and more
+/// end in a wrong optimum. The trace's objective is the log-likelihood per
 /// weight, both clouds together (positions in units of the target's size): it never falls.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -194,7 +194,7 @@ impl Dare {
     }
 
     /// The scene before anything was seen of it: means on a sphere about both clouds'
-    /// centroid, of their standard deviation an axis.
+    /// centroid, of their standard deviation an axis, and turned with the target.
     fn scene(&self, source: &View, target: &View, pose: &Transform) -> Mixture {
         let moved = source.points.iter().map(|p| pose.apply(p.map(f64::from)));
         let all: Vec<Vec3> = moved.chain(target.points.iter().map(|p| p.map(f64::from))).collect();
@@ -205,7 +205,11 @@ impl Dare {
         // Each cloud about its own centroid: outliers fill the ball that holds both.
         let radius = source.reach().max(target.reach());
         let k = self.components.unwrap_or(4);
-        let lay = |direction| math::add(center, math::scaled(direction, (spread / 3.0).sqrt()));
+        let from_axes = math::transpose(&target.axes());
+        let lay = |direction| {
+            let turned = math::mat_vec(&from_axes, direction);
+            math::add(center, math::scaled(turned, (spread / 3.0).sqrt()))
+        };
         Mixture {
             means: fibonacci_sphere(k).map(lay).collect(),
             variances: vec![self.initial_sigma.powi(2) * spread; k],
