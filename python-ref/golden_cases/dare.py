@@ -12,7 +12,7 @@ ITERATIONS = 25
 
 RUNS = (
     {"components": 12, "density_neighbors": 8},
-    {"components": 12, "density_neighbors": 0},
+    {"components": 12, "density_neighbors": 0, "min_sigma": 0.001},
     {"components": 8, "density_neighbors": 5, "outlier_ratio": 0.1, "initial_sigma": 1.0},
 )
 
