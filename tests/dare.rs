@@ -251,8 +251,7 @@ fn wrong_optima_are_doubted() {
         let (sin, cos) = (2.4 * f64::from(i)).sin_cos();
         let axis = [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z];
         let degrees = 60.0 + f64::from(37 * i % 120);
-        let (source, target, truth) =
-            pair(math::scaled(axis, degrees.to_radians()), u64::from(i));
+        let (source, target, truth) = pair(math::scaled(axis, degrees.to_radians()), u64::from(i));
         let found = register(&dare(), &source, &target);
         let (angle, _) = apart(&found.transform, &truth, &source);
         if angle > 15.0 {

@@ -67,8 +67,10 @@ pub(super) struct Mixture {
     pub(super) outliers: f64,
     /// V.
     pub(super) volume: f64,
-    /// Least variance.
-    pub(super) floor: f64,
+    /// Variance of every point about where it was measured. Its expected log-likelihood
+    /// under a component is that of the point less 3/2 blur/σ²: the factor in the E-step
+    /// and the term of the variances by which EM still climbs.
+    pub(super) blur: f64,
 }
 
 /// What of a cloud a component is responsible for, in the cloud's own coordinates.
@@ -91,7 +93,8 @@ impl Mixture {
         let uniform = self.outliers / self.volume;
         let prior = (1.0 - self.outliers) / k as f64;
         let amplitude = |variance: &f64| {
-            (prior / uniform * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
+            let blurred = (-1.5 * self.blur / variance).exp();
+            (prior / uniform * blurred * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
         };
         let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
         let model = Lanes {
@@ -197,8 +200,7 @@ impl Mixture {
                 let rest = math::sub(centroid, self.means[i]);
                 scatter + mass * math::dot(rest, rest)
             };
-            let variance = parts.iter().map(spread).sum::<f64>() / (3.0 * mass);
-            self.variances[i] = variance.max(self.floor);
+            self.variances[i] = parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.blur;
         }
     }
 }

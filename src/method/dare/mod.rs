@@ -54,12 +54,9 @@ pub struct Dare {
     /// authors' bounding-box diagonal. Smaller keeps nearer to the initial pose.
     pub initial_sigma: f64,
     /// Least standard deviation of a component, in root mean square radii of the target,
-    /// 1e-5 to 1; default 0.15. Components that shrink onto the few points they hold tie
-    /// the clouds to their noise: two samples of 500 points of the bunny are laid on each
-    /// other to a median ‖I − R Rᵀ‖ of 0.067 with 0.001, 0.048 with 0.1, 0.038 with 0.15 and
-    /// 0.041 with 0.2 (accuracy protocol, small rotations, 20 trials of
-    /// `python-ref/peers/clouds.py`), and of large rotations 2, 10, 14 and 15 of 20 are
-    /// found to 5°. The authors add 1e-5 to every variance whatever the unit, 0.06 there.
+    /// 1e-5 to 1; default 0.055. Every point counts as blurred by as much, lest components
+    /// shrink onto the few points they hold and tie the clouds to their noise. The authors
+    /// add 1e-5 to every variance whatever the unit, which is 0.06 on the bunny.
     pub min_sigma: f64,
     /// Whether to record every iteration.
     pub trace: bool,
@@ -76,7 +73,7 @@ impl Default for Dare {
             density_neighbors: 10,
             tolerance: 1e-5,
             initial_sigma: 3.0,
-            min_sigma: 0.15,
+            min_sigma: 0.055,
             trace: false,
             threads: 0,
         }
@@ -221,7 +218,7 @@ impl Dare {
             variances: vec![self.initial_sigma.powi(2) * spread; k],
             outliers: self.outlier_ratio,
             volume: 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
-            floor: self.min_sigma.powi(2),
+            blur: self.min_sigma.powi(2),
         }
     }
 }
