@@ -50,7 +50,7 @@ def dare(
     density_neighbors=10,
     iterations=50,
     initial_sigma=3.0,
-    min_sigma=0.055,
+    min_sigma=0.065,
 ):
     """`iterations` EM steps from the identity, as a list of `Step`."""
     centers = source.mean(axis=0), target.mean(axis=0)
