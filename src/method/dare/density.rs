@@ -35,8 +35,9 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
         |_, i| {
             let mut around: Vec<f64> =
                 neighbors.of(i).iter().map(|found| areas[found.index as usize]).collect();
+            around.sort_unstable_by(f64::total_cmp);
             let middle = around.len() / 2;
-            *around.select_nth_unstable_by(middle, f64::total_cmp).1
+            (around[middle] + around[(around.len() - 1) / 2]) / 2.0
         },
     );
     let mean = weights.iter().sum::<f64>() / n as f64;

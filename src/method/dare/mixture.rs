@@ -10,7 +10,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::cloud::Transform;
 use crate::error::Result;
-use crate::math::{self, Vec3, fast};
+use crate::math::{self, Mat3, Vec3, fast};
 use crate::moments::Moments;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solution, Solver};
@@ -33,6 +33,32 @@ pub(super) struct View {
     pub(super) weights: Vec<f64>,
 }
 
+impl View {
+    /// Distance of the farthest point from the centroid.
+    pub(super) fn reach(&self) -> f64 {
+        let squares = self.points.iter().map(|p| p.map(f64::from)).map(|p| math::dot(p, p));
+        squares.fold(0.0, f64::max).sqrt()
+    }
+
+    /// Principal axes, a right-handed frame: the widest first, each of the first two
+    /// towards its longer tail.
+    pub(super) fn axes(&self) -> Mat3 {
+        let points = || self.points.iter().map(|p| p.map(f64::from));
+        let mut squares = [[0.0; 3]; 3];
+        for p in points() {
+            let outer = math::outer(p, p);
+            squares = [0, 1, 2].map(|a| math::add(squares[a], outer[a]));
+        }
+        let (_, [_, second, first]) = math::eigen::symmetric(&squares);
+        let tailed = |axis: Vec3| {
+            let cubes: f64 = points().map(|p| math::dot(p, axis).powi(3)).sum();
+            math::scaled(axis, if cubes < 0.0 { -1.0 } else { 1.0 })
+        };
+        let (first, second) = (tailed(first), tailed(second));
+        [first, second, math::cross(first, second)]
+    }
+}
+
 /// Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
 pub(super) struct Mixture {
     pub(super) means: Vec<Vec3>,
@@ -41,8 +67,10 @@ pub(super) struct Mixture {
     pub(super) outliers: f64,
     /// V.
     pub(super) volume: f64,
-    /// Least variance.
-    pub(super) floor: f64,
+    /// Variance of every point about where it was measured. Its expected log-likelihood
+    /// under a component is that of the point less 3/2 blur/σ²: the factor in the E-step
+    /// and the term of the variances by which EM still climbs.
+    pub(super) blur: f64,
 }
 
 /// What of a cloud a component is responsible for, in the cloud's own coordinates.
@@ -65,7 +93,8 @@ impl Mixture {
         let uniform = self.outliers / self.volume;
         let prior = (1.0 - self.outliers) / k as f64;
         let amplitude = |variance: &f64| {
-            (prior / uniform * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
+            let blurred = (-1.5 * self.blur / variance).exp();
+            (prior / uniform * blurred * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
         };
         let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
         let model = Lanes {
@@ -171,8 +200,7 @@ impl Mixture {
                 let rest = math::sub(centroid, self.means[i]);
                 scatter + mass * math::dot(rest, rest)
             };
-            let variance = parts.iter().map(spread).sum::<f64>() / (3.0 * mass);
-            self.variances[i] = variance.max(self.floor);
+            self.variances[i] = parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.blur;
         }
     }
 }
