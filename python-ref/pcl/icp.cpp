@@ -17,6 +17,8 @@
 #include <pcl/point_types.h>
 #include <pcl/registration/icp.h>
 
+#include "text.hpp"
+
 namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
@@ -25,19 +27,6 @@ class Icp : public pcl::IterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ> {
  public:
   int iterations() const { return nr_iterations_; }
 };
-
-Points::Ptr read(const std::string& path) {
-  std::ifstream file(path);
-  const auto points = pcl::make_shared<Points>();
-  pcl::PointXYZ p;
-  while (file >> p.x >> p.y >> p.z) {
-    points->push_back(p);
-  }
-  if (points->empty() || !file.eof()) {
-    throw std::runtime_error(path + ": expected lines of three numbers");
-  }
-  return points;
-}
 
 void align(const Points::ConstPtr& source, const Points::ConstPtr& target, char** settings) {
   Icp icp;
@@ -70,7 +59,7 @@ int main(int argc, char** argv) {
     std::string source;
     std::string target;
     while (pairs >> source >> target) {
-      align(read(source), read(target), argv + 2);
+      align(text::read(source), text::read(target), argv + 2);
     }
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';

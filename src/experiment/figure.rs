@@ -4,6 +4,8 @@ use std::path::Path;
 use std::sync::Once;
 
 use plotters::coord::Shift;
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::coord::ranged1d::Ranged;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 
@@ -155,19 +157,7 @@ fn linear<B: DrawingBackend>(
         .y_desc(labels.y)
         .label_style((FONT, 13))
         .draw()?;
-    for ((name, points), &colour) in curves.iter().zip(COLOURS.iter().cycle()) {
-        let line = points.iter().map(|&[x, y]| (x, y));
-        chart
-            .draw_series(LineSeries::new(line, colour.stroke_width(2)).point_size(2))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
-    }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
-        .background_style(WHITE.mix(0.8))
-        .label_font((FONT, 13))
-        .draw()
+    series(&mut chart, curves)
 }
 
 fn double_logarithmic<B: DrawingBackend>(
@@ -190,8 +180,25 @@ fn double_logarithmic<B: DrawingBackend>(
         .y_label_formatter(&|y| format!("{y:.0e}"))
         .label_style((FONT, 13))
         .draw()?;
+    let kept: Vec<_> = curves
+        .iter()
+        .map(|(name, points)| (name.clone(), points.iter().filter(above).copied().collect()))
+        .collect();
+    series(&mut chart, &kept)
+}
+
+/// Draws curves and the list of their names.
+fn series<'a, B, X, Y>(
+    chart: &mut ChartContext<'a, B, Cartesian2d<X, Y>>,
+    curves: &[(String, Vec<[f64; 2]>)],
+) -> Drawn<B>
+where
+    B: DrawingBackend + 'a,
+    X: Ranged<ValueType = f64>,
+    Y: Ranged<ValueType = f64>,
+{
     for ((name, points), &colour) in curves.iter().zip(COLOURS.iter().cycle()) {
-        let line = points.iter().filter(above).map(|&[x, y]| (x, y));
+        let line = points.iter().map(|&[x, y]| (x, y));
         chart
             .draw_series(LineSeries::new(line, colour.stroke_width(2)).point_size(2))?
             .label(name)

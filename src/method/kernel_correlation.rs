@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::positions::Positions;
 use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::{Method, Refine, Register, Step, StopReason};
+use super::{Method, Refine, Step, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -191,12 +191,6 @@ impl KernelCorrelation {
             doubts: Vec::new(),
         };
         Registration::conclude(found, source, target)
-    }
-}
-
-impl Register for KernelCorrelation {
-    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.refine(source, target, &Transform::IDENTITY)
     }
 }
 

@@ -48,8 +48,8 @@ pub trait Register: Send + Sync {
 }
 
 /// Something that improves a pose: weights by position under the current pose, solved,
-/// again and again. As [`Register`] it starts from the identity.
-pub trait Refine: Register {
+/// again and again. It is [`Register`] too, from the identity.
+pub trait Refine: Send + Sync {
     /// The pose that maps `source` into the frame of `target`, from the guess `initial`.
     ///
     /// # Errors
@@ -60,4 +60,10 @@ pub trait Refine: Register {
         target: &PointCloud,
         initial: &Transform,
     ) -> Result<Registration>;
+}
+
+impl<R: Refine> Register for R {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.refine(source, target, &Transform::IDENTITY)
+    }
 }

@@ -23,21 +23,9 @@ pub(super) struct Positions<'a> {
 
 impl<'a> Positions<'a> {
     /// # Errors
-    /// [`Error::TooFewPoints`] for fewer than three points in either cloud,
-    /// [`Error::Degenerate`] when all target points are in one place.
+    /// Those of [`unit`] and [`SearchTree::new`].
     pub(super) fn new(source: &'a PointCloud, target: &'a PointCloud) -> Result<Self> {
-        for (cloud, what) in [(source, "the source"), (target, "the target")] {
-            if cloud.len() < 3 {
-                let found = cloud.len();
-                return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
-            }
-        }
-        let center = target.centroid();
-        let square = |p| math::dot(math::sub(p, center), math::sub(p, center));
-        let unit = (target.positions().map(square).sum::<f64>() / target.len() as f64).sqrt();
-        if unit <= 0.0 {
-            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
-        }
+        let unit = unit(source, target)?;
         let embedded = embed(target.points(), unit)?;
         let tree = SearchTree::new(target.points())?;
         Ok(Positions { source, target, embedded, tree, unit })
@@ -88,6 +76,28 @@ impl<'a> Positions<'a> {
     pub(super) fn nearest(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
         par::map(moved.len(), || (), |_, i| self.tree.nearest(&moved[i]))
     }
+}
+
+/// Root mean square distance of the target points to their centroid: the length that what
+/// is done by position is measured in.
+///
+/// # Errors
+/// [`Error::TooFewPoints`] for fewer than three points in either cloud,
+/// [`Error::Degenerate`] when all target points are in one place.
+pub(super) fn unit(source: &PointCloud, target: &PointCloud) -> Result<f64> {
+    for (cloud, what) in [(source, "the source"), (target, "the target")] {
+        if cloud.len() < 3 {
+            let found = cloud.len();
+            return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
+        }
+    }
+    let center = target.centroid();
+    let square = |p| math::dot(math::sub(p, center), math::sub(p, center));
+    let unit = (target.positions().map(square).sum::<f64>() / target.len() as f64).sqrt();
+    if unit <= 0.0 {
+        return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
+    }
+    Ok(unit)
 }
 
 fn embed(points: &[[f32; 3]], unit: f64) -> Result<Descriptors> {

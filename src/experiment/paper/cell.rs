@@ -13,7 +13,7 @@ use crate::weight::Normalization;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Contender {
-    /// [`Icp::paper`] as PCL means it; in the accuracy test, read as it fits, run to rest.
+    /// [`Icp::paper`].
     Icp,
     /// Without scale.
     Cpd,
@@ -43,13 +43,8 @@ impl Contender {
     ];
 
     /// The method with its settings.
-    pub fn method(self, test: Test, reading: Reading) -> Method {
+    pub fn method(self) -> Method {
         match self {
-            // PCL's ICP gives the printed Table I with the stated epsilons and the printed
-            // Table II without: `python -m peers --only icp`.
-            Contender::Icp if test == Test::Accuracy && reading != Reading::Written => {
-                Method::Icp(Icp { relative_error_tolerance: 0.0, ..Icp::paper() })
-            }
             Contender::Icp => Method::Icp(Icp::paper()),
             Contender::Cpd => Method::Cpd(Cpd::default()),
             Contender::Dare => Method::Dare(Dare::default()),
@@ -192,11 +187,6 @@ impl Cell {
             }
             Test::Accuracy => Protocol::Accuracy,
         }
-    }
-
-    /// Who registers, with the settings.
-    pub fn method(&self) -> Method {
-        self.contender.method(self.test, self.reading)
     }
 
     /// A name for files.

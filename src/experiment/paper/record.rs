@@ -63,7 +63,7 @@ impl Trials {
     /// Those of [`Protocol::trial`](crate::experiment::protocol::Protocol::trial); a trial
     /// without an answer is a record.
     pub fn run(cell: &Cell, model: &Model) -> Result<Self> {
-        let method = cell.method();
+        let method = cell.contender.method();
         let one = |number: usize| {
             let draw = Draw {
                 motion: cell.motion,
@@ -160,7 +160,7 @@ fn described(cell: &Cell) -> String {
         points: POINTS,
         seed: SEED,
         version: env!("CARGO_PKG_VERSION"),
-        method: cell.method(),
+        method: cell.contender.method(),
     };
     // Plain structs of numbers and words: JSON has them all.
     serde_json::to_string(&configuration).unwrap_or_default()

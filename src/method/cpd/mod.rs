@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use self::expectation::{Expectation, Mixture};
 use super::positions::Positions;
 use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::{Method, Refine, Register, Step, StopReason};
+use super::{Method, Refine, Step, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -191,12 +191,6 @@ fn first_sigma(source: &PointCloud, target: &PointCloud, pose: &Transform) -> f6
     let shift = math::sub(pose.apply(source.centroid()), target.centroid());
     let moved = pose.scale * pose.scale * variance(source);
     ((moved + variance(target) + math::dot(shift, shift)) / 3.0).sqrt()
-}
-
-impl Register for Cpd {
-    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.refine(source, target, &Transform::IDENTITY)
-    }
 }
 
 impl Refine for Cpd {

@@ -6,9 +6,10 @@ mod mixture;
 use serde::{Deserialize, Serialize};
 
 use self::mixture::{Mixture, View};
+use super::positions;
 use super::registration::{Counts, Found, PointCounts, Registration, Timings};
 use super::schedule::{Step, StopReason};
-use super::{Method, Refine, Register};
+use super::{Method, Refine};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
@@ -261,19 +262,8 @@ struct Frame {
 
 impl Frame {
     fn new(source: &PointCloud, target: &PointCloud) -> Result<Self> {
-        for (cloud, what) in [(source, "the source"), (target, "the target")] {
-            if cloud.len() < 3 {
-                let found = cloud.len();
-                return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
-            }
-        }
-        let center = target.centroid();
-        let square = |p| math::dot(math::sub(p, center), math::sub(p, center));
-        let unit = (target.positions().map(square).sum::<f64>() / target.len() as f64).sqrt();
-        if unit <= 0.0 {
-            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
-        }
-        Ok(Frame { source: source.centroid(), target: center, unit })
+        let unit = positions::unit(source, target)?;
+        Ok(Frame { source: source.centroid(), target: target.centroid(), unit })
     }
 
     fn view(&self, cloud: &PointCloud, center: Vec3, neighbors: usize) -> Result<View> {
@@ -300,12 +290,6 @@ impl Frame {
         let turned = pose.rotate(self.source);
         let shift = math::sub(math::scaled(pose.translation, self.unit), turned);
         Transform { translation: math::add(shift, self.target), ..*pose }
-    }
-}
-
-impl Register for Dare {
-    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.refine(source, target, &Transform::IDENTITY)
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use self::surface::{Connected, Surfaces};
 use super::positions::Positions;
 use super::registration::{Counts, Found, PointCounts, Timings};
-use super::{Method, Refine, Register, Registration, Step, StopReason};
+use super::{Method, Refine, Registration, Step, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -288,12 +288,6 @@ fn closed_form(moments: &Moments, scale: f64) -> Result<Transform> {
     let turned = math::mat_vec(&found.rotation, centered.source_mean);
     let translation = math::sub(centered.target_mean, math::scaled(turned, scale));
     Ok(Transform { rotation: found.rotation, translation, scale })
-}
-
-impl Register for Icp {
-    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.refine(source, target, &Transform::IDENTITY)
-    }
 }
 
 impl Refine for Icp {
