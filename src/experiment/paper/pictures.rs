@@ -122,10 +122,7 @@ fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>>
     };
     let mut panels = vec![laid("initial".into(), &Transform::IDENTITY)?];
     for contender in Contender::ALL {
-        if let Ok(found) = contender
-            .method(Test::Robustness, Reading::Fitting)
-            .register(&trial.source, &trial.target)
-        {
+        if let Ok(found) = contender.method().register(&trial.source, &trial.target) {
             let shift = trial.average_shift(&found.transform);
             panels.push(laid(format!("{contender}: {shift:.4}"), &found.transform)?);
         }
