@@ -1,0 +1,55 @@
+//! The paper's experiments in small: files that are whole, the same again, and gone on with.
+#![cfg(feature = "figures")]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use cfreg::Error;
+use cfreg::experiment::paper::{Options, cell::Test, run};
+
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    let read = |entry: fs::DirEntry| (name(&entry.path()), fs::read(entry.path()).unwrap());
+    let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
+    entries.filter(|entry| entry.path().is_file()).map(read).collect()
+}
+
+#[test]
+fn a_smoke_run_is_whole_and_goes_on_where_it_was_cut() {
+    let Some(data) = common::shared_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().to_path_buf();
+    let options = Options { data, output, smoke: true, only: Some(Test::Robustness) };
+    let results = run(&options, |_, _| {}).unwrap();
+    // Three readings, two motions, seven contenders.
+    assert_eq!(results.len(), 42);
+    let answered = results.values().filter(|(_, trials)| trials.failures() == 0).count();
+    assert!(answered >= 40, "{answered}");
+    let (first, trials) = (files(&options.output), files(&options.output.join("trials")));
+    assert!(first.contains_key("tables.md") && first.contains_key("fig9-large.png"));
+    let tables = String::from_utf8_lossy(&first["tables.md"]).into_owned();
+    assert!(tables.contains("| CF |") && tables.contains("0.0075"), "{tables}");
+
+    let one = options.output.join("trials/robustness_fitting_bunny_large_cf.csv");
+    fs::remove_file(&one).unwrap();
+    let half = options.output.join("trials/robustness_points_bunny_small_teaser.csv");
+    let text = fs::read(&half).unwrap();
+    fs::write(&half, &text[..text.len() - 9]).unwrap();
+    run(&options, |_, _| {}).unwrap();
+    assert_eq!(files(&options.output.join("trials")), trials);
+    assert!(files(&options.output) == first, "a second run differs");
+}
+
+#[test]
+fn missing_scans_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, output) = (folder.path().join("nowhere"), folder.path().join("results"));
+    let options = Options { data, output, smoke: true, only: None };
+    match run(&options, |_, _| {}) {
+        Err(error @ Error::Io { .. }) => assert!(error.to_string().contains("bun000.ply")),
+        other => panic!("{other:?}"),
+    }
+}
