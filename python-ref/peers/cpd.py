@@ -56,21 +56,26 @@ def same_steps(scope, peers):
 
 
 def protocol(scope, peers, kind, large):
-    """The defaults of each and w = 0.1, ours without scale."""
+    """The defaults of each and w = 0.1: with scale beside peers with scale, without beside
+    those without."""
     trials = 2 if scope.smoke else 12
     pairs = list(kind("bunny", trials, large))
     label = f"{kind.__name__} bunny {'large' if large else 'small'}"
-    mine = [ours.register(pair.source, pair.target, "cpd")["transform"] for pair in pairs]
-    mine = errors_of(mine, pairs)
+
+    def mine(scale):
+        found = [ours.register(pair.source, pair.target, "cpd", scale=scale) for pair in pairs]
+        return errors_of([answer["transform"] for answer in found], pairs)
+
+    of_ours = {True: mine("umeyama"), False: mine("fixed")}
     variants = {f"{name}, scale": (peer, True) for name, peer in peers.items()}
     if "probreg" in peers:
         variants["probreg, fixed scale"] = (probreg, False)
     for name, (peer, scaled) in variants.items():
-        theirs = errors_of([peer(pair, 0.1, scaled) for pair in pairs], pairs)
-        found = [int(sum(error[:, 0] < FOUND)) for error in (mine, theirs)]
+        both = of_ours[scaled], errors_of([peer(pair, 0.1, scaled) for pair in pairs], pairs)
+        found = [int(sum(error[:, 0] < FOUND)) for error in both]
         yield successes("cpd", name, label, *found, trials)
-        yield median_angle(name, label, *(float(np.median(error[:, 0])) for error in (mine, theirs)))
-        frobenius = (float(np.median(error[:, 1])) for error in (mine, theirs))
+        yield median_angle(name, label, *(float(np.median(error[:, 0])) for error in both))
+        frobenius = (float(np.median(error[:, 1])) for error in both)
         yield told("cpd", name, label, "median |I - R R_gt^T|", *frobenius)
 
 
