@@ -14,6 +14,7 @@ fi
 if cargo clippy --version >/dev/null 2>&1; then
     step "lints"
     cargo clippy --all-targets --quiet -- -D warnings
+    cargo clippy --no-default-features --features python --quiet -- -D warnings
 else
     step "lints: skipped, clippy is not installed"
 fi

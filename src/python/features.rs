@@ -18,6 +18,9 @@ use crate::method::Describe;
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
+/// Arrays (N, 3) and (N,).
+type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>);
+
 /// Estimate normals from the nearest neighbours of every point.
 ///
 /// Parameters
@@ -46,7 +49,7 @@ pub(super) fn estimate_normals<'py>(
     points: &Bound<'py, PyAny>,
     neighbors: Option<i64>,
     viewpoint: Option<Vec3>,
-) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>)> {
+) -> PyResult<NormalsAndCurvature<'py>> {
     let describe = describe(neighbors, viewpoint)?;
     let cloud = whole_cloud(points, "points")?;
     let normals = released(py, || Ok(neighborhoods(&cloud, &describe)?.1))?;
