@@ -71,8 +71,8 @@ pub enum Error {
 
     /// No connection has any weight, so there is nothing to solve.
     #[error(
-        "all weights are zero (or underflow): the descriptors have nothing in common at this \
-         bandwidth; raise beta or check the clouds"
+        "no connection has any weight: nothing is alike, or near enough under the pose to start \
+         from; raise beta, sigma or max_distance, start nearer, or check the clouds"
     )]
     NoWeight,
 
@@ -80,8 +80,9 @@ pub enum Error {
     #[error(
         "the weighted connections do not determine a rotation: rank {rank} of the \
          cross-covariance, singular values relative to the clouds' spread {0:.3e}, {1:.3e}, \
-         {2:.3e}; at least two must exceed 1e-8 (collinear, planar or featureless clouds, or \
-         weights that do not tell points apart)",
+         {2:.3e}; at least two must exceed 1e-8 (collinear, planar or featureless clouds, \
+         weights that do not tell points apart, or clouds too far from each other for a method \
+         that starts where they lie)",
         .singular_values[0], .singular_values[1], .singular_values[2]
     )]
     Degenerate {

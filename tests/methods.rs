@@ -108,6 +108,22 @@ fn odd_clouds_are_errors_or_doubted() {
 }
 
 #[test]
+fn flat_clouds_are_errors_or_doubted() {
+    // A disc, twice: nothing in it tells how far one has turned on the other.
+    let disc = |turn: f64| {
+        let at = |i: usize| {
+            let (radius, angle) = ((i as f64 / 600.0).sqrt(), 2.399_963 * i as f64 + turn);
+            [radius * angle.cos(), radius * angle.sin(), 0.0]
+        };
+        PointCloud::new(&(0..600).map(at).collect::<Vec<_>>()).unwrap()
+    };
+    for method in methods().into_iter().map(short) {
+        let trusted = method.register(&disc(0.0), &disc(1.0)).is_ok_and(|found| found.trusted);
+        assert!(!trusted, "{}", method.name());
+    }
+}
+
+#[test]
 fn methods_that_start_from_a_pose_say_when_they_end_in_a_wrong_one() {
     for angle in [1.8, 2.5, 3.1] {
         let (source, target, truth) = pair(1500, angle);

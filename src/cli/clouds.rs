@@ -102,7 +102,7 @@ pub(super) struct Convert {
 impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
-        outputs::check(&[], &[("output", Some(&self.output))])?;
+        outputs::check(&[&self.input], &[("output", Some(&self.output))])?;
         let mut cloud = self.thinning.read(&self.input, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;

@@ -9,7 +9,7 @@ use super::options::{MethodOptions, Thinning};
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::method::{Register as _, Registration};
+use crate::method::{Method, Register as _, Registration};
 use crate::{io, par};
 
 #[derive(Args)]
@@ -78,7 +78,7 @@ impl Register {
             say(&format!("cfreg: not to be trusted: {doubt}\n"));
         }
         if !registration.trusted {
-            say("cfreg: try --normalize both, another --voxel, or --orientation (see --help)\n");
+            say(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
         }
         if self.json {
             print_json(&Answer {
@@ -92,6 +92,17 @@ impl Register {
             print(&matrix_text(&registration.transform.matrix()))?;
         }
         Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
+    }
+}
+
+/// What may help against a doubt, in options that the method takes.
+fn advice(registration: &Registration) -> &'static str {
+    match registration.config {
+        Method::Cf(_) | Method::Cfk(_) => {
+            "--normalize both, --refine gicp, another --voxel, or --orientation"
+        }
+        Method::Teaser(_) => "--refine gicp, another --set noise_bound, or --orientation",
+        _ => "a start nearer to the pose, such as by --method cf --normalize both --refine",
     }
 }
 

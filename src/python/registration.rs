@@ -1,6 +1,6 @@
 //! From two clouds to a pose.
 
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::Value;
@@ -23,7 +23,7 @@ use crate::method::{Cf, Chain, Method, Register};
 /// source_points, target_points : (N, 3) and (M, 3), float32 or float64, same unit unless
 ///     the scale is estimated; rows that are not finite are left out and counted
 /// method : "cf" (the full connection), "cfk" (of keypoints), "teaser"; from the pose in
-///     which the clouds lie: "icp", "gicp", "kc", "cpd", "dare"
+///     which the clouds lie: "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"
 /// neighbors : nearest points of a neighbourhood for normals and descriptors, the point
 ///     itself counted, at least 3; None, here and below: the method's default
 /// beta : squared bandwidth of the weights, 1e-12 to 1e12. Default that of the histogram,
@@ -33,7 +33,8 @@ use crate::method::{Cf, Chain, Method, Register};
 /// histogram : "pcl" or "open3d", see the scale of fpfh
 /// viewpoint : of both clouds, each in its own frame, see estimate_normals
 /// threads : 0 for all cores; never changes the result
-/// refine : methods that start from a pose, one after the other: ["icp", "gicp"]
+/// refine : a method that starts from a pose, or several one after the other: "gicp",
+///     ["icp", "gicp"], with their defaults
 /// settings : any other setting of the method, by its name in `config` of the answer
 ///
 /// Returns
@@ -73,7 +74,7 @@ pub(super) fn register<'py>(
     histogram: Option<&str>,
     viewpoint: Option<Vec3>,
     threads: Option<i64>,
-    refine: Option<Vec<String>>,
+    refine: Option<Names>,
     settings: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = [
@@ -93,7 +94,12 @@ pub(super) fn register<'py>(
     let others = others.map(|(name, value)| (name.as_str(), value.clone()));
     let method: Method = method.parse().map_err(exception)?;
     let method = method.with(given.chain(others)).map_err(exception)?;
-    let refinements = refine.iter().flatten().map(|name| name.parse()).collect::<Result<_>>();
+    let refine = match refine {
+        Some(Names::One(name)) => vec![name],
+        Some(Names::Many(names)) => names,
+        None => Vec::new(),
+    };
+    let refinements = refine.iter().map(|name| name.parse()).collect::<Result<_>>();
     let chain = Chain::new(method, refinements.map_err(exception)?).map_err(exception)?;
     let source = cloud(source_points, "source_points")?;
     let target = cloud(target_points, "target_points")?;
@@ -103,10 +109,30 @@ pub(super) fn register<'py>(
     Ok(py.import("json")?.call_method1("loads", (json,))?.cast_into()?)
 }
 
-/// Whatever Python's own json module can write.
+/// Settings as JSON: whatever Python's own json module can write, and numpy's scalars.
 pub(super) fn json(py: Python<'_>, settings: &Bound<'_, PyDict>) -> PyResult<Value> {
-    let text = py.import("json")?.call_method1("dumps", (settings,))?;
-    serde_json::from_str(text.extract()?).map_err(|error| PyValueError::new_err(error.to_string()))
+    let module = py.import("json")?;
+    let options = PyDict::new(py);
+    options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("item",))?)?;
+    let mut object = serde_json::Map::new();
+    for (name, value) in settings {
+        let name: String = name.extract()?;
+        let text: String = module
+            .call_method("dumps", (value,), Some(&options))
+            .map_err(|error| PyTypeError::new_err(format!("{name}: {error}")))?
+            .extract()?;
+        // NaN and infinity, which JSON does not know, stay words: the setting refuses them.
+        let value = serde_json::from_str(&text).unwrap_or(Value::String(text));
+        object.insert(name, value);
+    }
+    Ok(Value::Object(object))
+}
+
+/// One name, or several.
+#[derive(FromPyObject)]
+pub(super) enum Names {
+    One(String),
+    Many(Vec<String>),
 }
 
 /// JSON knows neither NaN nor infinity; as words the setting refuses them.

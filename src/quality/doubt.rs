@@ -30,6 +30,9 @@ pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
 /// weights then hardly tell one angle from another.
 pub const MIN_SINGULAR_VALUE: f64 = 1e-3;
 
+/// Third relative singular value below which the connected points count as flat.
+pub const FLAT: f64 = 1e-6;
+
 /// Keypoints of a cloud below which a pose is doubted: among fewer, a handful of wrong
 /// connections turns the answer.
 pub const MIN_KEYPOINTS: usize = 10;
@@ -51,6 +54,14 @@ pub enum Doubt {
         /// Second relative singular value.
         found: f64,
         /// [`MIN_SINGULAR_VALUE`].
+        needed: f64,
+    },
+    /// The connected points lie in a plane, in which one cloud slides and turns on the other:
+    /// their outline alone holds them.
+    Flat {
+        /// Third relative singular value.
+        found: f64,
+        /// [`FLAT`].
         needed: f64,
     },
     /// The iterations ended at their limit, not at a fixed point.
@@ -102,6 +113,10 @@ pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -
     if found.is_nan() || found < MIN_SINGULAR_VALUE {
         doubts.push(Doubt::WeakRotation { found, needed: MIN_SINGULAR_VALUE });
     }
+    let found = singular_values[2];
+    if found < FLAT {
+        doubts.push(Doubt::Flat { found, needed: FLAT });
+    }
     doubts
 }
 
@@ -117,6 +132,11 @@ impl fmt::Display for Doubt {
                 f,
                 "the weights leave the rotation about one axis open: second singular value \
                  {found:.1e}, {needed:.1e} is needed"
+            ),
+            Doubt::Flat { found, needed } => write!(
+                f,
+                "what is connected is flat, and slides and turns in its plane: third singular \
+                 value {found:.1e}, {needed:.1e} is needed"
             ),
             Doubt::Slides { found, needed } => write!(
                 f,

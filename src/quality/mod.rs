@@ -6,7 +6,8 @@ mod evaluate;
 mod truth;
 
 pub use doubt::{
-    Doubt, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION, MIN_KEYPOINTS, MIN_SINGULAR_VALUE, doubts,
+    Doubt, FLAT, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION, MIN_KEYPOINTS, MIN_SINGULAR_VALUE,
+    doubts,
 };
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use truth::{TruthError, truth_error};

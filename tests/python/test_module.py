@@ -244,7 +244,7 @@ class Moments(unittest.TestCase):
 
     def test_what_cannot_be_solved_is_its_own_error(self):
         far = self.descriptors + 1e4
-        with self.assertRaisesRegex(cfreg.RegistrationError, "weights are zero"):
+        with self.assertRaisesRegex(cfreg.RegistrationError, "no connection has any weight"):
             cfreg.moments(self.points, self.moved, self.descriptors, far, beta=1e-2)
         line = np.outer(np.arange(300.0), [1.0, 2.0, 3.0])
         along = cfreg.moments(line, line, self.descriptors, self.descriptors, beta=1e-2)
@@ -277,6 +277,16 @@ class Register(unittest.TestCase):
         self.assertEqual(found["points"]["target"]["used"], 1500)
         self.assertGreater(found["evaluation"]["fitness"], 0.8)
         self.assertEqual(found["config"]["beta"], 100.0)
+
+    def test_numpy_scalars_are_settings_and_faults_name_theirs(self):
+        found = cfreg.register(
+            self.source, self.source, "icp", max_iterations=np.int64(3), refine="gicp"
+        )
+        self.assertEqual(found["method"], "gicp")
+        self.assertEqual(found["refined_from"]["config"]["max_iterations"], 3)
+        for wrong in (float("nan"), object()):
+            with self.assertRaisesRegex((TypeError, ValueError), "max_distance"):
+                cfreg.register(self.source, self.target, "icp", max_distance=wrong)
 
     def test_its_stages_give_the_same_pose(self):
         features = [cfreg.fpfh(points) for points in (self.source, self.target)]

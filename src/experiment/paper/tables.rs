@@ -107,6 +107,8 @@ fn table(results: &Results, test: Test, reading: Reading) -> Table {
 /// Both tables in every reading that there are results of, as Markdown.
 pub fn markdown(results: &Results) -> String {
     let mut text = String::from(LEGEND);
+    let trials = results.values().map(|(cell, _)| cell.trials).max().unwrap_or(0);
+    let _ = writeln!(text, "\n{trials} trials a cell{}.", few(trials));
     for table in tables(results) {
         let _ = writeln!(text, "\n## {}\n", table.title);
         let _ = writeln!(text, "| | {} |", table.head.join(" | "));
@@ -117,6 +119,11 @@ pub fn markdown(results: &Results) -> String {
         }
     }
     text
+}
+
+/// A warning where trials are too few for a mean.
+fn few(trials: usize) -> &'static str {
+    if trials < 30 { ": a check that all runs, not a measurement" } else { "" }
 }
 
 /// The same as LaTeX.
@@ -145,7 +152,10 @@ pub fn latex(results: &Results) -> String {
 const LEGEND: &str = "# The paper's tables, ours beside the printed\n\n\
     Each cell: ours, mean ± deviation, then `|` and what the paper prints, then `=` where the \
     means differ by no more than the printed deviation, `<` where ours is lower by more, `>` where \
-    it is higher by more. `(n none)`: n trials had no answer.\n";
+    it is higher by more. `(n none)`: n trials had no answer.\n\n\
+    Readings of the paper: `written`, to the letter; `fitting`, as its figures suggest (outliers \
+    from a ball of diameter 0.2, a viewpoint that moves along); `points`, as `fitting` from the \
+    scan's points instead of its surface. A simulated scan stands in for the Armadillo's.\n";
 
 fn tables(results: &Results) -> Vec<Table> {
     let there = |test, reading| {
