@@ -4,10 +4,11 @@
 
 mod common;
 
-use cfreg::method::{Cf, Method, Register};
+use cfreg::method::{Cf, Method, Register, Registration};
 use cfreg::quality::{MIN_AGREEMENT, truth_error};
 use cfreg::weight::Normalization;
 use cfreg::{Transform, math};
+use common::scans::RealPair;
 
 /// Rotations off by more than this are wrong, by less than [`RIGHT`] right, degrees.
 const WRONG: f64 = 20.0;
@@ -19,34 +20,23 @@ fn wrong_poses_of_real_scans_are_doubted() {
     // The inlier distance follows the resolution: with few points chance is harder to tell.
     for (points, allowed) in [(2000, 0), (1000, 0), (500, 4)] {
         let pairs = common::scans::real_pairs(&data, 8, points);
-        let mut trusted_wrong = Vec::new();
-        let (mut wrong, mut right) = (Vec::new(), Vec::new());
+        let mut tally = Tally::default();
         for pair in &pairs {
             for normalization in [Normalization::None, Normalization::Both] {
                 let cf = Cf { normalization, ..Cf::default() };
                 let found = cf.register(&pair.source, &pair.target).unwrap();
-                let center = pair.source.centroid();
-                let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
-                let agreement = found.evaluation.agreement();
-                if angle > WRONG {
-                    wrong.push(agreement);
-                    if found.trusted {
-                        let name = &pair.name;
-                        trusted_wrong.push(format!("{name}, {normalization}: {angle:.0} deg"));
-                    }
-                } else if angle < RIGHT {
-                    right.push(agreement);
-                }
+                tally.add(pair, &found, &normalization.to_string());
             }
         }
+        let Tally { wrong, right, trusted_wrong, .. } = &mut tally;
         println!(
             "{} pairs of {points} points, two normalisations\n\
              off by more than {WRONG} deg: {}, {} of them trusted\n\
              off by less than {RIGHT} deg: {}, {} of them at least {MIN_AGREEMENT}",
             pairs.len(),
-            spread(&mut wrong),
+            spread(wrong),
             trusted_wrong.len(),
-            spread(&mut right),
+            spread(right),
             right.iter().filter(|&&x| x >= MIN_AGREEMENT).count(),
         );
         assert!(pairs.len() > 50 && wrong.len() > 30 && right.len() > 5);
@@ -61,8 +51,7 @@ fn wrong_optima_of_real_scans_are_doubted() {
     let pairs = common::scans::real_pairs(&data, 24, 600);
     for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
         let method: Method = name.parse().unwrap();
-        let (mut wrong, mut right, mut trusted_right) = (Vec::new(), Vec::new(), 0);
-        let mut trusted_wrong = Vec::new();
+        let mut tally = Tally::default();
         for (seed, pair) in pairs.iter().enumerate() {
             for degrees in [3.0, 60.0, 150.0] {
                 let start = off(pair, degrees, seed as f64);
@@ -70,35 +59,50 @@ fn wrong_optima_of_real_scans_are_doubted() {
                 // Nothing to hold on to is no answer, and no harm.
                 let found = refinement.refine(&pair.source, &pair.target, &start);
                 let Ok(found) = found else { continue };
-                let center = pair.source.centroid();
-                let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
-                let agreement = found.evaluation.agreement();
-                if angle > WRONG {
-                    wrong.push(agreement);
-                    if found.trusted {
-                        let name = &pair.name;
-                        trusted_wrong.push(format!("{name} from {degrees} deg: {angle:.0} deg"));
-                    }
-                } else if angle < RIGHT {
-                    right.push(agreement);
-                    trusted_right += usize::from(found.trusted);
-                }
+                tally.add(pair, &found, &format!("from {degrees} deg"));
             }
         }
+        let Tally { wrong, right, trusted_wrong, trusted_right } = &mut tally;
         println!(
             "{name}\n  off by more than {WRONG} deg: {}, {} of them trusted\n  \
              off by less than {RIGHT} deg: {}, {trusted_right} of them trusted",
-            spread(&mut wrong),
+            spread(wrong),
             trusted_wrong.len(),
-            spread(&mut right),
+            spread(right),
         );
-        assert!(wrong.len() > 20 && trusted_right > 0, "{name}");
+        assert!(wrong.len() > 20 && *trusted_right > 0, "{name}");
         assert!(trusted_wrong.is_empty(), "{name}: {trusted_wrong:#?}");
     }
 }
 
+/// Agreements of wrong and of right poses, and what was trusted among them.
+#[derive(Default)]
+struct Tally {
+    wrong: Vec<f64>,
+    right: Vec<f64>,
+    trusted_wrong: Vec<String>,
+    trusted_right: usize,
+}
+
+impl Tally {
+    fn add(&mut self, pair: &RealPair, found: &Registration, how: &str) {
+        let center = pair.source.centroid();
+        let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
+        let agreement = found.evaluation.agreement();
+        if angle > WRONG {
+            self.wrong.push(agreement);
+            if found.trusted {
+                self.trusted_wrong.push(format!("{}, {how}: {angle:.0} deg", pair.name));
+            }
+        } else if angle < RIGHT {
+            self.right.push(agreement);
+            self.trusted_right += usize::from(found.trusted);
+        }
+    }
+}
+
 /// The truth turned by `degrees` about the target's centroid, and shifted by 2 % of the size.
-fn off(pair: &common::scans::RealPair, degrees: f64, seed: f64) -> Transform {
+fn off(pair: &RealPair, degrees: f64, seed: f64) -> Transform {
     let axis = [(seed + degrees).sin(), (1.3 * seed).cos(), (0.7 * seed + degrees).sin()];
     let axis = math::normalized(axis);
     let turn = Transform::from_rotation_vector(math::scaled(axis, degrees.to_radians()));

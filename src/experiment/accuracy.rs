@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::protocol::{Draw, Protocol, Viewpoint};
-use super::{Model, Motion};
+use super::{Model, Motion, Spread};
 use crate::error::{Error, Result};
 use crate::method::Register;
 use crate::quality::TruthError;
@@ -42,10 +42,7 @@ impl Report {
     /// Mean and standard deviation of `measure` over the trials that gave an answer.
     pub fn statistics(&self, measure: impl Fn(&TruthError) -> f64) -> (f64, f64) {
         let values: Vec<f64> = self.errors.iter().flatten().map(measure).collect();
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-        (mean, variance.sqrt())
+        Spread::of(&values).map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
     }
 
     /// Trials without an answer.

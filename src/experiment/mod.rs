@@ -10,6 +10,8 @@ mod motion;
 pub mod paper;
 pub mod protocol;
 pub mod shape;
+mod spread;
 
 pub use model::Model;
 pub use motion::Motion;
+pub use spread::Spread;

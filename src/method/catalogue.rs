@@ -6,9 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Cf, Cfk, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration, Teaser,
+    dare,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
+use crate::quality;
 
 /// A named method with its configuration: what `--method` chooses, and what a
 /// [`Registration`] carries as the record of how it was made.
@@ -58,6 +60,15 @@ impl Method {
             Method::Cpd(cpd) => Some(cpd),
             Method::Dare(dare) => Some(dare),
             Method::Cf(_) | Method::Cfk(_) | Method::Teaser(_) => None,
+        }
+    }
+
+    /// Agreement beyond chance below which a pose of the method is doubted.
+    pub(super) fn least_agreement(&self) -> f64 {
+        match self {
+            Method::Dare(_) => dare::MIN_AGREEMENT,
+            method if method.as_refinement().is_some() => quality::MIN_AGREEMENT_BY_POSITION,
+            _ => quality::MIN_AGREEMENT,
         }
     }
 

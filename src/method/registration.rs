@@ -97,10 +97,7 @@ impl Registration {
         if found.stop == StopReason::IterationLimit {
             doubts.push(Doubt::NotConverged { iterations: found.iterations });
         }
-        let needed = match found.config.as_refinement() {
-            Some(_) => quality::MIN_AGREEMENT_BY_POSITION,
-            None => quality::MIN_AGREEMENT,
-        };
+        let needed = found.config.least_agreement();
         doubts.extend(quality::doubts(&evaluation, singular_values, needed));
         Ok(Registration {
             transform,

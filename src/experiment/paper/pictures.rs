@@ -33,10 +33,12 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
     if !curves.is_empty() {
         save("fig6-sensitivity", curves, 2, (560, 400))?;
     }
+    let angles = by_angle(&bunny)?;
+    let number = |at: usize| angles[at].1;
     for (name, motion, number) in [
         ("fig7-small", Motion::Small, 0),
-        ("fig8-medium", Motion::Large, mildest(&bunny)?),
-        ("fig9-large", Motion::Large, largest(&bunny)?),
+        ("fig8-medium", Motion::Large, number(0)),
+        ("fig9-large", Motion::Large, number(angles.len() - 1)),
     ] {
         save(name, alignments(&bunny, motion, number)?, 4, (300, 320))?;
     }
@@ -138,16 +140,7 @@ fn robustness(bunny: &Source, motion: Motion, number: u64) -> Result<Trial> {
 /// Trials among which the pictures' rotations are chosen.
 const CHOICE: u64 = 20;
 
-/// The trial of the smallest large rotation.
-fn mildest(bunny: &Source) -> Result<u64> {
-    Ok(by_angle(bunny)?.first().map_or(0, |&(_, number)| number))
-}
-
-/// The trial of the largest.
-fn largest(bunny: &Source) -> Result<u64> {
-    Ok(by_angle(bunny)?.last().map_or(0, |&(_, number)| number))
-}
-
+/// Large rotations and the numbers of their trials, the smallest first.
 fn by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
     let angle = |number| {
         let truth = robustness(bunny, Motion::Large, number)?.truth;

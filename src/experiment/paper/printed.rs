@@ -1,16 +1,7 @@
 //! What the paper prints: mean and deviation of Tables I and II.
 
 use super::cell::{Contender, Shape, Test};
-use crate::experiment::Motion;
-
-/// Mean ± standard deviation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
-    /// Mean.
-    pub mean: f64,
-    /// Standard deviation.
-    pub deviation: f64,
-}
+use crate::experiment::{Motion, Spread};
 
 const fn spread(mean: f64, deviation: f64) -> Spread {
     Spread { mean, deviation }

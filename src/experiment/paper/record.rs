@@ -5,10 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
-use super::printed::Spread;
 use crate::error::{Error, Result};
-use crate::experiment::Model;
 use crate::experiment::protocol::Draw;
+use crate::experiment::{Model, Spread};
 use crate::io;
 use crate::method::{Method, Register};
 use crate::par;
@@ -139,13 +138,7 @@ impl Trials {
     /// where none did.
     pub fn spread(&self, measure: impl Fn(&Record) -> Option<f64>) -> Option<Spread> {
         let values: Vec<f64> = self.records.iter().filter_map(measure).collect();
-        if values.is_empty() {
-            return None;
-        }
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-        Some(Spread { mean, deviation: variance.sqrt() })
+        Spread::of(&values)
     }
 
     /// Trials without an answer.

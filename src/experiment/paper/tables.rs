@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::cell::{Cell, Contender, Reading, Shape, Test};
-use super::printed::{Spread, printed};
+use super::printed::printed;
 use super::record::{Record, Trials};
-use crate::experiment::Motion;
+use crate::experiment::{Motion, Spread};
 
 /// All trials, by the name of their cell.
 pub type Results = BTreeMap<String, (Cell, Trials)>;

@@ -14,7 +14,6 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
-use crate::quality::{self, Doubt};
 
 /// Iterations in which the means stay where they were laid and only poses and variances
 /// follow, as in the authors' program.
@@ -22,8 +21,9 @@ const HELD: u32 = 3;
 
 /// Agreement beyond chance below which a pose is doubted, more than is asked of other
 /// methods: of 105 wrong optima from rotations of 60° to 180° the best agrees by 0.58
-/// (by 0.60 with `min_sigma` 0.055), of 15 right ones the worst by 0.82 (`cargo test --test dare wrong_optima -- --nocapture`).
-const MIN_AGREEMENT: f64 = 0.65;
+/// (by 0.60 with `min_sigma` 0.055), of 15 right ones the worst by 0.82
+/// (`cargo test --test dare wrong_optima -- --nocapture`).
+pub(super) const MIN_AGREEMENT: f64 = 0.65;
 
 /// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and
 /// Felsberg, CVPR 2018), positions only.
@@ -205,13 +205,7 @@ impl Dare {
             config: Method::Dare(config),
             doubts: Vec::new(),
         };
-        let mut registration = Registration::conclude(found, source, target)?;
-        let found = registration.evaluation.agreement();
-        if (quality::MIN_AGREEMENT_BY_POSITION..MIN_AGREEMENT).contains(&found) {
-            registration.doubts.push(Doubt::LowAgreement { found, needed: MIN_AGREEMENT });
-            registration.trusted = false;
-        }
-        Ok(registration)
+        Registration::conclude(found, source, target)
     }
 
     /// The scene before anything was seen of it: means on a sphere about both clouds'
