@@ -150,7 +150,8 @@ fn every_kernel_finds_the_pose() {
         ["gaussian", "laplacian", "cauchy", "geman-mcclure", "truncated", "student-t", "tukey"]
     {
         let weights: WeightScheme = name.parse().unwrap();
-        let cf = Cf { weights, beta: Some(200.0), normalization: Normalization::Both, ..cf() };
+        let cf =
+            Cf { weights, beta: Some(200.0.into()), normalization: Normalization::Both, ..cf() };
         let found = cf.register(&source, &target).unwrap();
         let (angle, _) = apart(&found.transform, &truth, &source);
         assert!(angle < 15.0, "{name}: {angle}");
@@ -243,7 +244,7 @@ fn settings_out_of_range_name_the_field() {
         Err(Error::Config { field, .. }) => field,
         other => panic!("{other:?}"),
     };
-    assert_eq!(field(Cf { beta: Some(-1.0), ..cf() }), "beta");
+    assert_eq!(field(Cf { beta: Some((-1.0).into()), ..cf() }), "beta");
     assert_eq!(field(Cf { weights: WeightScheme::StudentT(0.0), ..cf() }), "weights");
     let describe = Describe { neighborhood: Neighborhood::Nearest(1), ..Describe::default() };
     assert_eq!(field(Cf { describe, ..Cf::default() }), "neighbors");

@@ -11,7 +11,7 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::method::{Chain, Method};
 use crate::pose::{ScaleEstimate, Solver};
-use crate::weight::{Normalization, WeightScheme};
+use crate::weight::{Bandwidth, Normalization, WeightScheme};
 use crate::{filter, io};
 
 /// How many points of a file are used.
@@ -73,6 +73,9 @@ pub(super) struct MethodOptions {
     /// Describe by all points within this radius instead, in the unit of the coordinates
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     radius: Option<f64>,
+    /// More neighbourhoods, each by its nearest points: their descriptors are put beside
+    #[arg(long, value_name = "K,..", value_delimiter = ',', allow_negative_numbers = true)]
+    more_neighbors: Vec<usize>,
     /// Nearest points for normals [default: as for descriptors]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,
@@ -87,10 +90,11 @@ pub(super) struct MethodOptions {
     /// uniform [default: gaussian]
     #[arg(long)]
     weights: Option<WeightScheme>,
-    /// Squared bandwidth of the kernel, in squared descriptor units [default: 100 with
-    /// --histogram pcl, 400 with open3d]
+    /// Squared bandwidth of the kernel, in squared descriptor units, or auto: from how
+    /// alike the most similar points are [default: 100 with --histogram pcl, 400 with
+    /// open3d]
     #[arg(long, allow_negative_numbers = true)]
-    beta: Option<f64>,
+    beta: Option<Bandwidth>,
     /// Normalisation of the full connection: none, source, target, both, sinkhorn:N
     /// [default: none]
     #[arg(long)]
@@ -144,6 +148,9 @@ impl MethodOptions {
         let mut add = |name, value: Option<Value>| flags.extend(value.map(|value| (name, value)));
         add("neighbors", self.neighbors.map(Value::from));
         add("radius", self.radius.map(number));
+        if !self.more_neighbors.is_empty() {
+            add("more_neighbors", Some(json!(self.more_neighbors)));
+        }
         add("normal_neighbors", self.normal_neighbors.map(Value::from));
         if let Some(text) = &self.orientation {
             let (name, value) = orientation(text);
@@ -151,7 +158,8 @@ impl MethodOptions {
         }
         add("histogram", self.histogram.map(|histogram| json!(histogram)));
         add("weights", self.weights.map(|weights| json!(weights)));
-        add("beta", self.beta.map(number));
+        // As text: JSON numbers lack NaN, which is to be refused and not to vanish.
+        add("beta", self.beta.map(|beta| beta.to_string().into()));
         add("normalize", self.normalize.map(|normalize| json!(normalize)));
         add("solver", self.solver.map(|solver| json!(solver)));
         add("scale", self.scale.map(|scale| json!(scale)));

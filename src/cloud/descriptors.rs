@@ -71,6 +71,25 @@ impl Descriptors {
         &self.data
     }
 
+    /// Rows of several tables beside each other, all divided by the square root of their
+    /// number: squared distances are then the mean of those of the tables, and a bandwidth
+    /// keeps its meaning. One table stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for no table, or one that has not as many rows as the first.
+    pub fn beside(tables: &[Descriptors]) -> Result<Descriptors> {
+        let dim = tables.iter().map(Descriptors::dim).sum();
+        let expected = tables.first().map_or(0, Descriptors::len);
+        if let Some(other) = tables.iter().find(|table| table.len() != expected) {
+            let what = "rows of descriptors to be put beside others".into();
+            return Err(Error::Shape { what, expected, found: other.len() });
+        }
+        let factor = 1.0 / (tables.len() as f64).sqrt();
+        let shared = |&value: &f32| (f64::from(value) * factor) as f32;
+        let row = |i| tables.iter().flat_map(move |table| table.row(i)).map(shared);
+        Descriptors::new(dim, (0..expected).flat_map(row).collect())
+    }
+
     /// The rows named by `indices`, in that order.
     ///
     /// # Panics
@@ -92,5 +111,22 @@ mod tests {
         let nan = Descriptors::new(2, vec![0.0, 0.0, 0.0, f32::NAN]);
         assert!(matches!(nan, Err(Error::NonFinite { index: 1, .. })));
         assert!(Descriptors::new(33, vec![]).unwrap().is_empty());
+    }
+
+    #[test]
+    fn tables_beside_each_other_have_the_mean_of_their_squared_distances() {
+        let [a, b] = [[1.0, 2.0, 5.0, 0.0], [0.0, 7.0, 3.0, 3.0]]
+            .map(|values| Descriptors::new(2, values.to_vec()).unwrap());
+        let square = |table: &Descriptors| -> f32 {
+            table.row(0).iter().zip(table.row(1)).map(|(x, y)| (x - y).powi(2)).sum()
+        };
+        let both = Descriptors::beside(&[a.clone(), b.clone()]).unwrap();
+        assert_eq!((both.len(), both.dim()), (2, 4));
+        assert!((square(&both) - (square(&a) + square(&b)) / 2.0).abs() < 1e-4);
+        assert_eq!(Descriptors::beside(std::slice::from_ref(&a)).unwrap(), a);
+        let short = Descriptors::new(1, vec![1.0]).unwrap();
+        for tables in [vec![], vec![a, short]] {
+            assert!(matches!(Descriptors::beside(&tables), Err(Error::Shape { .. })));
+        }
     }
 }

@@ -12,7 +12,7 @@ use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
-use crate::weight::{self, Normalization, WeightScheme};
+use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
 /// connect all pairs, weigh each by descriptor similarity, solve once in closed form.
@@ -25,7 +25,7 @@ use crate::weight::{self, Normalization, WeightScheme};
 /// use cfreg::{method::{Cf, Register}, weight::WeightScheme};
 /// # use cfreg::experiment::shape::boulder;
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
-/// let cf = Cf { weights: WeightScheme::Cauchy, beta: Some(50.0), ..Cf::default() };
+/// let cf = Cf { weights: WeightScheme::Cauchy, beta: Some(50.0.into()), ..Cf::default() };
 /// let registration = cf.register(&source, &target)?;
 /// println!("{:?} {:?}", registration.transform.matrix(), registration.doubts);
 /// # Ok::<(), cfreg::Error>(())
@@ -38,13 +38,14 @@ pub struct Cf {
     pub describe: Describe,
     /// Kernel of the squared descriptor distance; default the paper's Gaussian.
     pub weights: WeightScheme,
-    /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12.
-    /// Default that of the histogram's scale ([`HistogramScale::default_beta`]: the
-    /// paper's 100). Smaller trusts fewer, more similar pairs; raise it when the weights
-    /// vanish or the effective connections fall below the number of points.
+    /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12, or
+    /// how it follows from the descriptors ([`Bandwidth::Auto`]). Default that of the
+    /// histogram's scale ([`HistogramScale::default_beta`]: the paper's 100). Smaller
+    /// trusts fewer, more similar pairs; raise it when the weights vanish or the effective
+    /// connections fall below the number of points.
     ///
     /// [`HistogramScale::default_beta`]: crate::descriptor::HistogramScale::default_beta
-    pub beta: Option<f64>,
+    pub beta: Option<Bandwidth>,
     /// Normalisation of the full connection; default the paper's none. `both` helps under
     /// partial overlap and repeated structure, at three times the cost.
     pub normalization: Normalization,
@@ -59,8 +60,12 @@ pub struct Cf {
 impl Cf {
     /// The settings with every default that depends on another filled in.
     pub fn resolved(&self) -> Cf {
-        let beta = self.beta.unwrap_or_else(|| self.describe.histogram.default_beta());
-        Cf { beta: Some(beta), ..self.clone() }
+        Cf { beta: Some(self.bandwidth()), ..self.clone() }
+    }
+
+    /// The bandwidth, the histogram's where none is set.
+    pub fn bandwidth(&self) -> Bandwidth {
+        self.beta.unwrap_or_else(|| self.describe.histogram.default_beta().into())
     }
 
     /// Registers all points, or the keypoints of `detector`; `named` is the method that
@@ -72,16 +77,15 @@ impl Cf {
         detector: Option<&Keypoints>,
         named: Method,
     ) -> Result<Registration> {
-        let config = self.resolved();
-        let beta = config.beta.unwrap_or_default();
-        weight::check_beta(beta)?;
+        self.bandwidth().validate()?;
         let mut times = Timings::default();
         let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
         let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
-        let (connection, moments) = times.time("moments", || {
+        let (connection, beta, moments) = times.time("moments", || {
             let connection = FullConnection::new(source_side.described(), target_side.described())?;
+            let beta = connection.bandwidth(self.bandwidth())?;
             let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
-            Ok::<_, crate::Error>((connection, moments))
+            Ok::<_, crate::Error>((connection, beta, moments))
         })?;
         let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
         let points = PointCounts { source: source_side.counts(), target: target_side.counts() };
@@ -101,7 +105,8 @@ impl Cf {
             config: named,
             doubts: few.then_some(doubt).into_iter().collect(),
         };
-        Registration::conclude(found, source, target)
+        let concluded = Registration::conclude(found, source, target)?;
+        Ok(Registration { beta: Some(beta), ..concluded })
     }
 }
 

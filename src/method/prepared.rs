@@ -19,6 +19,10 @@ pub struct Describe {
     /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
     /// under noise. A radius suits clouds of known unit and uneven density.
     pub neighborhood: Neighborhood,
+    /// More neighbourhoods: the descriptors of each are put beside
+    /// ([`Descriptors::beside`]), so that points are alike when they are alike at every
+    /// size. Default none, as in the paper.
+    pub more_neighborhoods: Vec<Neighborhood>,
     /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
     /// smaller one keeps edges.
     pub normal_neighborhood: Option<Neighborhood>,
@@ -33,6 +37,7 @@ impl Default for Describe {
     fn default() -> Self {
         Describe {
             neighborhood: Neighborhood::Nearest(150),
+            more_neighborhoods: Vec::new(),
             normal_neighborhood: None,
             orientation: Orientation::default(),
             histogram: HistogramScale::default(),
@@ -56,6 +61,7 @@ impl Describe {
     /// Those of [`Neighborhood::validate`].
     pub fn validate(&self) -> Result<()> {
         self.neighborhood.validate()?;
+        self.more_neighborhoods.iter().try_for_each(Neighborhood::validate)?;
         self.normal_neighborhood.map_or(Ok(()), |normal| normal.validate())
     }
 
@@ -125,12 +131,17 @@ impl Describe {
                 detector.detect(points, &estimated.as_ref().unwrap_or(&normals).curvature)
             })?,
         };
-        let descriptors = times.time("descriptors", || {
-            fpfh_at(points, &normals.vectors, &neighbors, &rows, self.histogram)
-        })?;
+        let describe = |neighbors: &Neighbors| {
+            fpfh_at(points, &normals.vectors, neighbors, &rows, self.histogram)
+        };
+        let mut tables = vec![times.time("descriptors", || describe(&neighbors))?];
+        for &more in &self.more_neighborhoods {
+            let neighbors = times.time("neighbors", || find(more))?;
+            tables.push(times.time("descriptors", || describe(&neighbors))?);
+        }
         let defined = |&at: &usize| {
             normals.vectors[rows[at]] != [0.0; 3]
-                && descriptors.row(at).iter().any(|&bin| bin != 0.0)
+                && tables.iter().all(|table| table.row(at).iter().any(|&bin| bin != 0.0))
         };
         let described: Vec<usize> = (0..rows.len()).filter(defined).collect();
         if let Some(detector) = detector.filter(|_| described.len() < 3) {
@@ -148,7 +159,7 @@ impl Describe {
         Ok(Prepared {
             points: described.iter().map(|&at| points[rows[at]]).collect(),
             origin: cloud.origin(),
-            descriptors: descriptors.select(&described),
+            descriptors: Descriptors::beside(&tables)?.select(&described),
             counts: Counts {
                 dropped: cloud.dropped(),
                 used: points.len(),

@@ -33,6 +33,10 @@ pub struct Registration {
     /// target's unit. On a full connection it is of the size of the cloud even for the
     /// perfect pose; it compares poses of one problem, not problems.
     pub weighted_rms: f64,
+    /// Squared bandwidth β of the kernel, for methods that weigh by descriptors: what
+    /// `auto` came to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beta: Option<f64>,
     /// Number of connections that were weighed.
     pub connections: u64,
     /// Effective number of connections (Σw)²/Σw², from 1 to `connections`.
@@ -106,6 +110,7 @@ impl Registration {
             doubts,
             evaluation,
             weighted_rms: (moments.residual(&transform) / moments.weight).max(0.0).sqrt(),
+            beta: None,
             connections: found.connections,
             effective_connections: moments.effective_connections(),
             singular_values,

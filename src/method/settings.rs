@@ -10,7 +10,8 @@ impl Method {
     /// configuration's JSON (`config` of a registration) and a JSON value.
     ///
     /// Some have a short form: `neighbors` and `radius` for `neighborhood`,
-    /// `normal_neighbors` for `normal_neighborhood`, `normalize` for `normalization`,
+    /// `normal_neighbors` for `normal_neighborhood`, `more_neighbors` for
+    /// `more_neighborhoods`, `normalize` for `normalization`,
     /// `detector` for the name of a keypoint detector in `keypoints`, `viewpoint` for an `orientation` towards a place.
     ///
     /// # Errors
@@ -60,6 +61,13 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
         "neighbors" => ("neighborhood", json!({ "nearest": value })),
         "radius" => ("neighborhood", json!({ "radius": value })),
         "normal_neighbors" => ("normal_neighborhood", json!({ "nearest": value })),
+        "more_neighbors" => match value {
+            Value::Array(counts) => {
+                let each = counts.into_iter().map(|count| json!({ "nearest": count }));
+                ("more_neighborhoods", each.collect())
+            }
+            value => ("more_neighborhoods", json!([{ "nearest": value }])),
+        },
         "detector" => match value {
             Value::String(name) => ("keypoints", json!({ name: {} })),
             value => ("keypoints", value),
@@ -86,6 +94,11 @@ mod tests {
         let set = |name, value| method.clone().with([(name, value)]);
         let Method::Cf(cf) = set("neighbors", 20.into()).unwrap() else { panic!() };
         assert_eq!(cf.describe.neighborhood, crate::search::Neighborhood::Nearest(20));
+        let Method::Cf(cf) = set("more_neighbors", json!([200, 400])).unwrap() else { panic!() };
+        let more = [200, 400].map(crate::search::Neighborhood::Nearest);
+        assert_eq!(cf.describe.more_neighborhoods, more);
+        let Method::Cf(cf) = set("beta", "auto".into()).unwrap() else { panic!() };
+        assert_eq!(cf.beta, Some(crate::weight::Bandwidth::Auto(0.25)));
         let Method::Cf(cf) = set("normalize", "sinkhorn:3".into()).unwrap() else { panic!() };
         assert_eq!(cf.normalization, crate::weight::Normalization::Sinkhorn(3));
         let Method::Cf(cf) = set("viewpoint", json!([1, 2, 3])).unwrap() else { panic!() };

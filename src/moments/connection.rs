@@ -7,7 +7,7 @@ use crate::cloud::Descriptors;
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
-use crate::weight::{KernelVisitor, Normalization, WeightKernel, WeightScheme};
+use crate::weight::{Bandwidth, KernelVisitor, Normalization, WeightKernel, WeightScheme};
 
 /// One side of the connection: where its points are, and what they look like.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +38,11 @@ pub struct FullConnection {
     source: Side,
     target: Side,
 }
+
+/// Least automatic bandwidth, in variances of the descriptors.
+const RESOLVED: f64 = 1e-3;
+/// Least bandwidth of all, where descriptors do not differ.
+const SMALLEST: f64 = 1e-12;
 
 /// A side, laid out both ways: as rows when it is cut into blocks, as panels when it is
 /// streamed.
@@ -203,12 +208,39 @@ impl FullConnection {
     /// Of every source point, the target point with the most similar descriptor; the
     /// lower index where two are equally near.
     pub fn nearest_targets(&self) -> Vec<u32> {
-        nearest(&self.source.rows, &self.target.panels)
+        let nearest = nearest(&self.source.rows, &self.target.panels);
+        nearest.into_iter().map(|(_, target)| target).collect()
     }
 
     /// Of every target point, the source point with the most similar descriptor.
     pub fn nearest_sources(&self) -> Vec<u32> {
-        nearest(&self.target.rows, &self.source.panels)
+        let nearest = nearest(&self.target.rows, &self.source.panels);
+        nearest.into_iter().map(|(_, source)| source).collect()
+    }
+
+    /// The squared bandwidth β that `bandwidth` comes to here; the same from source to
+    /// target as back. `auto` costs two passes over the pairs.
+    ///
+    /// At least a thousandth of the descriptors' variance: below, the rounding of
+    /// distances would decide.
+    ///
+    /// # Errors
+    /// Those of [`Bandwidth::validate`].
+    pub fn bandwidth(&self, bandwidth: Bandwidth) -> Result<f64> {
+        bandwidth.validate()?;
+        let share = match bandwidth {
+            Bandwidth::Fixed(beta) => return Ok(beta),
+            Bandwidth::Auto(share) => share,
+        };
+        let there = nearest(&self.source.rows, &self.target.panels);
+        let back = nearest(&self.target.rows, &self.source.panels);
+        let mut least: Vec<f32> = there.iter().chain(&back).map(|&(d2, _)| d2).collect();
+        let half = least.len() / 2;
+        let (_, &mut median, _) = least.select_nth_unstable_by(half, f32::total_cmp);
+        let norms = || self.source.rows.norms().iter().chain(self.target.rows.norms());
+        let variance = norms().map(|&norm| f64::from(norm)).sum::<f64>() / least.len() as f64;
+        let floor = (RESOLVED * variance).max(SMALLEST);
+        Ok((share * f64::from(median)).max(floor))
     }
 
     fn weigh<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
@@ -257,14 +289,15 @@ fn row_sums<K: WeightKernel>(
     blocks.concat()
 }
 
-fn nearest(rows: &Rows, panels: &Panels) -> Vec<u32> {
+/// Squared distance to the nearest column of each row, and which it is.
+fn nearest(rows: &Rows, panels: &Panels) -> Vec<(f32, u32)> {
     let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
         let mut reducer = Least { found: vec![(f32::INFINITY, 0); block.len()] };
         let distance = |d2: f32| d2;
         weigh_block(rows, block, panels, &distance, Scaling::None, &mut reducer, tile);
         reducer.found
     });
-    blocks.into_iter().flatten().map(|(_, column)| column).collect()
+    blocks.concat()
 }
 
 /// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.

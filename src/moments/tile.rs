@@ -71,6 +71,11 @@ impl Rows {
         self.norms.len()
     }
 
+    /// Squared norm of each row about the mean of both sides.
+    pub(super) fn norms(&self) -> &[f32] {
+        &self.norms
+    }
+
     pub(super) fn panels(&self) -> Panels {
         let mut values = Vec::with_capacity(self.values.len());
         for tile in self.values.chunks(TARGETS * self.dim) {

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{descriptors, read_only, table, whole_cloud};
 use super::errors::{exception, released};
-use super::registration::cf;
+use super::registration::{Beta, cf};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::math::Vec3;
 use crate::moments::{Described, FullConnection, Moments as Sums};
@@ -112,8 +112,9 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 ///     kind; fpfh() makes one
 /// weights : kernel of the squared distance d^2: "gaussian" exp(-d^2/beta), "laplacian",
 ///     "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"
-/// beta : squared bandwidth in squared units of the descriptors, 1e-12 to 1e12. None: the
-///     paper's 100, for FPFH of scale "pcl"
+/// beta : squared bandwidth in squared units of the descriptors, 1e-12 to 1e12; "auto", or
+///     "auto:SHARE", the share (0.25) of the median squared distance to the most similar
+///     point of the other cloud. None: the paper's 100, for FPFH of scale "pcl"
 /// normalize : "none", "source", "target", "both" (dual softmax) or "sinkhorn:N"
 /// threads : 0 for all cores; never changes the result
 ///
@@ -139,12 +140,11 @@ pub(super) fn moments(
     source_descriptors: &Bound<'_, PyAny>,
     target_descriptors: &Bound<'_, PyAny>,
     weights: Option<&str>,
-    beta: Option<f64>,
+    beta: Option<Beta>,
     normalize: Option<&str>,
     threads: Option<i64>,
 ) -> PyResult<Moments> {
-    let config = cf(weights, beta, normalize, None, None, threads)?.resolved();
-    let beta = config.beta.expect("resolved");
+    let config = cf(weights, beta, normalize, None, None, threads)?;
     let source = whole_cloud(source_points, "source_points")?;
     let target = whole_cloud(target_points, "target_points")?;
     let from =
@@ -157,11 +157,9 @@ pub(super) fn moments(
     }
     let sums = released(py, || {
         par::with_threads(config.threads, || {
-            FullConnection::new(side(&source, &from), side(&target, &to))?.scheme_moments(
-                config.weights,
-                beta,
-                config.normalization,
-            )
+            let connection = FullConnection::new(side(&source, &from), side(&target, &to))?;
+            let beta = connection.bandwidth(config.bandwidth())?;
+            connection.scheme_moments(config.weights, beta, config.normalization)
         })?
     })?;
     Ok(Moments(sums))

@@ -10,6 +10,7 @@ use super::errors::{about, count, exception, released};
 use crate::error::{Error, Result};
 use crate::math::Vec3;
 use crate::method::{Cf, Chain, Method, Register};
+use crate::weight::Bandwidth;
 
 /// Find the pose of the source in the frame of the target.
 ///
@@ -25,9 +26,11 @@ use crate::method::{Cf, Chain, Method, Register};
 /// method : "cf" (the full connection), "cfk" (of keypoints), "teaser"; from the pose in
 ///     which the clouds lie: "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"
 /// neighbors : nearest points of a neighbourhood for normals and descriptors, the point
-///     itself counted, at least 3; None, here and below: the method's default
-/// beta : squared bandwidth of the weights, 1e-12 to 1e12. Default that of the histogram,
-///     100 for "pcl" and 400 for "open3d"
+///     itself counted, at least 3; None, here and below: the method's default. Among the
+///     settings below are normal_neighbors, and more_neighbors=[200, 400] for descriptors
+///     of several sizes beside each other
+/// beta : squared bandwidth of the weights, 1e-12 to 1e12, "auto" or "auto:SHARE", see
+///     moments. Default that of the histogram, 100 for "pcl" and 400 for "open3d"
 /// weights, normalize : see moments
 /// solver, scale : see solve
 /// histogram : "pcl" or "open3d", see the scale of fpfh
@@ -66,7 +69,7 @@ pub(super) fn register<'py>(
     target_points: &Bound<'py, PyAny>,
     method: &str,
     neighbors: Option<i64>,
-    beta: Option<f64>,
+    beta: Option<Beta>,
     weights: Option<&str>,
     normalize: Option<&str>,
     solver: Option<&str>,
@@ -79,7 +82,7 @@ pub(super) fn register<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = [
         ("neighbors", count("neighbors", neighbors)?.map(Value::from)),
-        ("beta", beta.map(number)),
+        ("beta", beta.map(Value::from)),
         ("weights", weights.map(Value::from)),
         ("normalize", normalize.map(Value::from)),
         ("solver", solver.map(Value::from)),
@@ -128,6 +131,32 @@ pub(super) fn json(py: Python<'_>, settings: &Bound<'_, PyDict>) -> PyResult<Val
     Ok(Value::Object(object))
 }
 
+/// A bandwidth: a number, or how to find it.
+#[derive(FromPyObject)]
+pub(super) enum Beta {
+    Number(f64),
+    Word(String),
+}
+
+impl From<Beta> for Value {
+    fn from(beta: Beta) -> Self {
+        match beta {
+            Beta::Number(beta) => number(beta),
+            Beta::Word(text) => text.into(),
+        }
+    }
+}
+
+impl TryFrom<Beta> for Bandwidth {
+    type Error = Error;
+    fn try_from(beta: Beta) -> Result<Self> {
+        match beta {
+            Beta::Number(beta) => Ok(beta.into()),
+            Beta::Word(text) => text.parse(),
+        }
+    }
+}
+
 /// One name, or several.
 #[derive(FromPyObject)]
 pub(super) enum Names {
@@ -143,12 +172,13 @@ fn number(value: f64) -> Value {
 /// The crate's defaults with what was given.
 pub(super) fn cf(
     weights: Option<&str>,
-    beta: Option<f64>,
+    beta: Option<Beta>,
     normalize: Option<&str>,
     solver: Option<&str>,
     scale: Option<&str>,
     threads: Option<i64>,
 ) -> PyResult<Cf> {
+    let beta = beta.map(Bandwidth::try_from).transpose().map_err(|error| about("beta", error))?;
     let mut cf = Cf { beta, ..Cf::default() };
     set(&mut cf.weights, weights).map_err(|error| about("weights", error))?;
     set(&mut cf.normalization, normalize).map_err(|error| about("normalize", error))?;

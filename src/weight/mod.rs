@@ -4,10 +4,12 @@
 //! A [`WeightKernel`] is open: any `Fn(f32) -> f32 + Sync` is one. The closed
 //! catalogue [`WeightScheme`] is what configurations, `--weights` and Python name.
 
+mod bandwidth;
 mod kernel;
 mod normalization;
 mod scheme;
 
+pub use bandwidth::Bandwidth;
 pub use kernel::{
     Cauchy, Gaussian, GemanMcClure, Laplacian, StudentT, TruncatedQuadratic, Tukey, Uniform,
     WeightKernel,
