@@ -9,12 +9,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::pictures::seen;
+use super::pictures::pair;
 use super::record::SEED;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::experiment::Motion;
-use crate::experiment::figure::{Content, Panel};
+use crate::experiment::figure::Panel;
 use crate::method::{Cf, Cfk, Method, Register};
 use crate::quality::{TruthError, truth_error};
 use crate::{filter, io};
@@ -78,10 +78,8 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
 
 /// The clouds as they lie, and under each pose.
 pub fn panels(hall: &Hall) -> Vec<Panel> {
-    let panel = |title: String, source: &PointCloud| Panel {
-        title,
-        content: Content::Points(vec![seen(&hall.target), seen(source)]),
-    };
+    let panel =
+        |title: String, source: &PointCloud| Panel { title, content: pair(&hall.target, source) };
     let mut panels = vec![panel("initial".into(), &hall.source)];
     for outcome in &hall.outcomes {
         if let Ok(moved) = hall.source.transformed(&outcome.transform) {

@@ -10,7 +10,7 @@ use super::tables::Results;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::experiment::Motion;
-use crate::experiment::figure::{Content, Figure, Panel};
+use crate::experiment::figure::{Axes, Content, Curve, Dots, Figure, Panel};
 use crate::experiment::protocol::{Draw, Protocol, Trial};
 use crate::method::Register;
 
@@ -55,7 +55,7 @@ fn shapes(data: &Path) -> Result<Vec<Panel>> {
     let panel = |&shape: &Shape| {
         let Source { model, remark, .. } = models::load(data, shape, Reading::Fitting)?;
         let stands_in = if remark.is_empty() { "" } else { " (a stand-in)" };
-        let content = Content::Points(vec![seen(&model.sample(SHOWN, SEED)?)]);
+        let content = Content::Points(vec![seen("", &model.sample(SHOWN, SEED)?)]);
         Ok(Panel { title: format!("{shape}{stands_in}"), content })
     };
     Shape::ALL.iter().map(panel).collect()
@@ -67,7 +67,7 @@ fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     for motion in [Motion::Small, Motion::Large] {
         for sigma in [0.002, 0.01, 0.02] {
             let trial = Protocol::Sensitivity { sigma }.trial(&bunny.model, drawn(motion, 0))?;
-            let content = Content::Points(vec![seen(&trial.source), seen(&trial.target)]);
+            let content = pair(&trial.target, &trial.source);
             panels.push(Panel { title: format!("{motion}, noise {sigma}"), content });
         }
     }
@@ -92,10 +92,10 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
                 let mut points: Vec<[f64; 2]> =
                     results.values().filter(|(cell, _)| of(cell)).filter_map(point).collect();
                 points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                (contender.to_string(), points)
+                Curve { name: contender.to_string(), points, ..Curve::default() }
             };
-            let curves: Vec<_> =
-                Contender::ALL.map(curve).into_iter().filter(|(_, p)| !p.is_empty()).collect();
+            let curves: Vec<Curve> =
+                Contender::ALL.map(curve).into_iter().filter(|c| !c.points.is_empty()).collect();
             if curves.is_empty() {
                 return Vec::new();
             }
@@ -105,7 +105,7 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
                 content: Content::Curves {
                     x: "standard deviation of the noise (m)".into(),
                     y: format!("{what} (m)"),
-                    logarithmic: false,
+                    axes: Axes::Linear,
                     curves,
                 },
             });
@@ -119,7 +119,7 @@ fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>>
     let trial = robustness(bunny, motion, number)?;
     let laid = |title: String, pose: &Transform| {
         let moved = trial.source.transformed(pose)?;
-        let content = Content::Points(vec![seen(&trial.target), seen(&moved)]);
+        let content = pair(&trial.target, &moved);
         Ok::<_, crate::Error>(Panel { title, content })
     };
     let mut panels = vec![laid("initial".into(), &Transform::IDENTITY)?];
@@ -156,7 +156,12 @@ fn drawn(motion: Motion, number: u64) -> Draw {
     Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
 }
 
+/// Both clouds, the source on top.
+pub(super) fn pair(target: &PointCloud, source: &PointCloud) -> Content {
+    Content::Points(vec![seen("target", target), seen("source", source)])
+}
+
 /// The points as seen along z.
-pub(super) fn seen(cloud: &PointCloud) -> Vec<[f64; 2]> {
-    cloud.positions().map(|[x, y, _]| [x, y]).collect()
+fn seen(name: &str, cloud: &PointCloud) -> Dots {
+    Dots { name: name.into(), points: cloud.positions().map(|[x, y, _]| [x, y]).collect() }
 }

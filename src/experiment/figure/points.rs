@@ -1,0 +1,91 @@
+//! Panels of points in the plane.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use super::{COLOURS, Dots, Drawn, FONT, text};
+
+/// Height of the title, pixels.
+const TITLE: u32 = 34;
+/// Height of the line of names, pixels.
+const NAMES: u32 = 24;
+const EDGE: f64 = 8.0;
+
+pub(super) fn draw<B: DrawingBackend>(
+    place: &DrawingArea<B, Shift>,
+    title: &str,
+    sets: &[Dots],
+) -> Drawn<B> {
+    let (title_place, rest) = place.split_vertically(TITLE);
+    title_place.margin(4, 0, 0, 0).titled(title, (FONT, 18))?;
+    let names = if sets.iter().any(|set| !set.name.is_empty()) { NAMES } else { 0 };
+    let (plot, names_place) = rest.split_vertically(rest.dim_in_pixel().1.saturating_sub(names));
+    if names > 0 {
+        list(&names_place, sets)?;
+    }
+    let size = plot.dim_in_pixel();
+    let (low, high) = central(sets.iter().flat_map(|set| &set.points));
+    // One scale for both axes: the tighter one.
+    let room = [size.0, size.1].map(|pixels| (f64::from(pixels) - 2.0 * EDGE).max(1.0));
+    let scale = (0..2).map(|a| (high[a] - low[a]) / room[a]).fold(0.0, f64::max) * 1.04;
+    let middle = [0, 1].map(|a| (low[a] + high[a]) / 2.0);
+    let centre = [size.0, size.1].map(|pixels| f64::from(pixels) / 2.0);
+    for (set, colour) in sets.iter().zip(COLOURS.iter().cycle()) {
+        let style = colour.mix(0.6).filled();
+        for &[x, y] in &set.points {
+            let at = [(x - middle[0]) / scale, (middle[1] - y) / scale];
+            if (0..2).all(|a| at[a].abs() <= room[a] / 2.0) {
+                let [x, y] = [0, 1].map(|a| (centre[a] + at[a]).round() as i32);
+                plot.draw(&Circle::new((x, y), 1, style))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Names and colours in one line, in the middle.
+fn list<B: DrawingBackend>(place: &DrawingArea<B, Shift>, sets: &[Dots]) -> Drawn<B> {
+    const DOT: i32 = 12;
+    const GAP: i32 = 18;
+    let named = || sets.iter().zip(COLOURS.iter().cycle()).filter(|(set, _)| !set.name.is_empty());
+    let mut widths = Vec::new();
+    for (set, _) in named() {
+        widths.push(DOT + place.estimate_text_size(&set.name, &text())?.0 as i32);
+    }
+    let all = widths.iter().sum::<i32>() + GAP * (widths.len() as i32 - 1);
+    let (width, height) = place.dim_in_pixel();
+    let mut x = (width as i32 - all) / 2;
+    for ((set, colour), width) in named().zip(widths) {
+        let middle = height as i32 / 2;
+        place.draw(&Circle::new((x + 3, middle), 4, colour.filled()))?;
+        place.draw(&Text::new(set.name.as_str(), (x + DOT, middle), text()))?;
+        x += width + GAP;
+    }
+    Ok(())
+}
+
+/// A box about the points that stray ones do not blow up: about the central nine tenths of
+/// the coordinates, half as much more on every side, at most to where there are points.
+fn central<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> ([f64; 2], [f64; 2]) {
+    let points: Vec<&[f64; 2]> = points.filter(|p| p.iter().all(|x| x.is_finite())).collect();
+    let (mut low, mut high) = ([0.0; 2], [1.0; 2]);
+    for a in 0..2 {
+        let mut along: Vec<f64> = points.iter().map(|p| p[a]).collect();
+        if along.is_empty() {
+            continue;
+        }
+        along.sort_by(f64::total_cmp);
+        let at = |share: f64| along[(share * (along.len() - 1) as f64) as usize];
+        (low[a], high[a]) = (at(0.0), at(1.0));
+        let (first, last) = (at(0.05), at(0.95));
+        let more = 0.5 * (last - first);
+        if more > 0.0 {
+            (low[a], high[a]) = (low[a].max(first - more), high[a].min(last + more));
+        }
+        if low[a] == high[a] {
+            let some = low[a].abs().max(1.0) * 1e-3;
+            (low[a], high[a]) = (low[a] - some, high[a] + some);
+        }
+    }
+    (low, high)
+}
