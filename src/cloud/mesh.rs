@@ -58,29 +58,18 @@ impl Mesh {
             let rule = format!("must be at most {MOST_POINTS}");
             return Err(Error::config("points", count, rule));
         }
-        let n = self.vertices.len();
-        if let Some(&found) = self.faces.as_flattened().iter().find(|&&v| v as usize >= n) {
-            let what = "a vertex named by a face".into();
-            return Err(Error::Shape { what, expected: n, found: found as usize });
-        }
+        self.check_faces()?;
         let corners = |face: &[u32; 3]| face.map(|v| self.vertices[v as usize]);
         let mut total = 0.0;
         let ends: Vec<f64> = self
             .faces
             .iter()
             .map(|face| {
-                total += triangle_area(corners(face));
+                total += self.face_area(face);
                 total
             })
             .collect();
-        if total.is_nan() || total <= 0.0 || total.is_infinite() {
-            let found = self.faces.len();
-            return Err(Error::TooFewPoints {
-                what: "a mesh without area".into(),
-                found,
-                needed: 1,
-            });
-        }
+        self.check_area(total)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points: Vec<Vec3> = (0..count)
             .map(|_| {
@@ -94,6 +83,42 @@ impl Mesh {
             })
             .collect();
         PointCloud::new(&points)
+    }
+
+    /// That faces name vertices that are there, these are finite, and there is area.
+    pub(super) fn validate(&self) -> Result<()> {
+        self.check_faces()?;
+        let infinite = |&v: &u32| self.vertices[v as usize].iter().any(|x| !x.is_finite());
+        if let Some(&index) = self.faces.as_flattened().iter().find(|v| infinite(v)) {
+            let what = "a vertex of a mesh".into();
+            return Err(Error::NonFinite { what, index: index as usize });
+        }
+        self.check_area(self.faces.iter().map(|face| self.face_area(face)).sum())
+    }
+
+    /// That faces name vertices that are there.
+    pub(super) fn check_faces(&self) -> Result<()> {
+        let expected = self.vertices.len();
+        match self.faces.as_flattened().iter().find(|&&v| v as usize >= expected) {
+            Some(&found) => {
+                let what = "a vertex named by a face".into();
+                Err(Error::Shape { what, expected, found: found as usize })
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn check_area(&self, total: f64) -> Result<()> {
+        if total > 0.0 && total.is_finite() {
+            return Ok(());
+        }
+        let what = "a mesh without area".into();
+        Err(Error::TooFewPoints { what, found: self.faces.len(), needed: 1 })
+    }
+
+    /// Area of a face whose vertices are there.
+    pub(super) fn face_area(&self, face: &[u32; 3]) -> f64 {
+        triangle_area(face.map(|v| self.vertices[v as usize]))
     }
 }
 

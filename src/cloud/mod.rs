@@ -5,6 +5,7 @@ mod descriptors;
 mod mesh;
 mod point_cloud;
 mod transform;
+mod visible;
 
 pub use descriptors::Descriptors;
 pub use mesh::{MOST_POINTS, Mesh};

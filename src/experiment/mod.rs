@@ -11,7 +11,9 @@ pub mod paper;
 pub mod protocol;
 pub mod shape;
 mod spread;
+mod views;
 
 pub use model::Model;
 pub use motion::Motion;
 pub use spread::Spread;
+pub use views::Views;
