@@ -6,7 +6,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Cf, Describe, Register, Registration};
 use cfreg::search::Neighborhood;
-use cfreg::weight::{Normalization, WeightScheme};
+use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, quality};
 use proptest::prelude::*;
 
@@ -17,11 +17,12 @@ fn cf() -> Cf {
 
 fn pair(seed: u64, points: usize) -> (PointCloud, PointCloud) {
     let seen = |seed| boulder().sample(points, seed).unwrap().with_viewpoint([0.0; 3]).unwrap();
-    let truth = Transform {
-        translation: [0.3, -0.2, 0.1],
-        ..Transform::from_rotation_vector([0.4, 0.9, -0.3])
-    };
-    (seen(2 * seed), seen(2 * seed + 1).transformed(&truth).unwrap())
+    (seen(2 * seed), seen(2 * seed + 1).transformed(&pose_of_pair()).unwrap())
+}
+
+/// The true pose of every [`pair`].
+fn pose_of_pair() -> Transform {
+    Transform { translation: [0.3, -0.2, 0.1], ..Transform::from_rotation_vector([0.4, 0.9, -0.3]) }
 }
 
 fn pose(source: &PointCloud, target: &PointCloud) -> Transform {
@@ -223,6 +224,45 @@ fn more_neighbours_than_points_means_all_points() {
     let describe = Describe { neighborhood: Neighborhood::Nearest(5000), ..Describe::default() };
     let found = Cf { describe, ..Cf::default() }.register(&source, &target).unwrap();
     assert_eq!(found.points.source.neighbors, Some(100));
+}
+
+#[test]
+fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
+    let truth = pose_of_pair();
+    let sharp = Cf {
+        describe: Describe {
+            more_neighborhoods: [120, 240].map(Neighborhood::Nearest).to_vec(),
+            normal_neighborhood: Some(Neighborhood::Nearest(15)),
+            ..cf().describe
+        },
+        beta: Some(Bandwidth::Auto(0.25)),
+        normalization: Normalization::Both,
+        ..Cf::default()
+    };
+    let error = |cf: &Cf| -> f64 {
+        let error = |seed| {
+            let (source, target) = pair(seed, 400);
+            let found = cf.register(&source, &target).unwrap();
+            assert_eq!(found.config, cfreg::method::Method::Cf(cf.resolved()));
+            assert!(found.beta.unwrap() > 0.0);
+            apart(&found.transform, &truth, &source).0
+        };
+        (0..12).map(error).sum::<f64>() / 12.0
+    };
+    let (plain, sharp) = (error(&cf()), error(&sharp));
+    assert!(sharp < 0.6 * plain, "{sharp} {plain}");
+}
+
+#[test]
+fn a_point_without_one_of_its_descriptors_is_not_connected() {
+    let (source, target) = pair(0, 300);
+    let tiny = Describe { more_neighborhoods: vec![Neighborhood::Radius(0.09)], ..cf().describe };
+    let found = Cf { describe: tiny, ..Cf::default() }.register(&source, &target).unwrap();
+    let described = found.points.source.described;
+    assert!((10..300).contains(&described), "{described}");
+    let none = Describe { more_neighborhoods: vec![Neighborhood::Nearest(2)], ..cf().describe };
+    let refused = Cf { describe: none, ..Cf::default() }.register(&source, &target);
+    assert!(matches!(refused, Err(Error::Config { field: "neighbors", .. })));
 }
 
 #[test]

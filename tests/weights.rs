@@ -5,7 +5,7 @@ mod common;
 
 use cfreg::moments::{Described, FullConnection, Moments, naive};
 use cfreg::pose::{self, RANK_TOLERANCE, ScaleEstimate, Solver};
-use cfreg::weight::{Cauchy, Gaussian, Normalization, TruncatedQuadratic, Uniform};
+use cfreg::weight::{Bandwidth, Cauchy, Gaussian, Normalization, TruncatedQuadratic, Uniform};
 use cfreg::{Descriptors, Error, math};
 use common::compare::moments_differ_by;
 use common::sides::{NORMALIZATIONS, Side, beta};
@@ -105,6 +105,47 @@ fn the_message_names_the_tolerance_that_was_missed() {
     let moments = connection(20, 30, 3).moments(&Uniform, Normalization::None).unwrap();
     let error = pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed).unwrap_err();
     assert!(error.to_string().contains(&format!("exceed {RANK_TOLERANCE:e}")), "{error}");
+}
+
+// --- Bandwidths that follow from the descriptors --------------------------------------
+
+/// Least squared distance from each row of `from` to any of `to`, by a double loop in f64.
+fn least(from: &Side, to: &Side) -> Vec<f64> {
+    let d2 = |a: &[f32], b: &[f32]| -> f64 {
+        a.iter().zip(b).map(|(x, y)| (f64::from(*x) - f64::from(*y)).powi(2)).sum()
+    };
+    let nearest = |a| to.descriptors.rows().map(|b| d2(a, b)).fold(f64::INFINITY, f64::min);
+    from.descriptors.rows().map(nearest).collect()
+}
+
+#[test]
+fn an_automatic_bandwidth_is_a_share_of_the_median_least_distance_both_ways() {
+    let (source, target) = (Side::random(300, DIM, 0.0, 1), Side::random(701, DIM, 0.0, 2));
+    let mut all = [least(&source, &target), least(&target, &source)].concat();
+    all.sort_by(f64::total_cmp);
+    for share in [0.1, 0.25, 3.0] {
+        let expected = share * all[all.len() / 2];
+        let auto = Bandwidth::Auto(share);
+        let found = connect(&source, &target).bandwidth(auto).unwrap();
+        assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
+        assert_eq!(connect(&target, &source).bandwidth(auto).unwrap(), found);
+    }
+}
+
+#[test]
+fn an_automatic_bandwidth_stays_above_the_rounding_of_distances() {
+    let side = Side::random(200, DIM, 0.0, 3);
+    let connection = connect(&side, &side);
+    let found = connection.bandwidth(Bandwidth::Auto(0.25)).unwrap();
+    // Rows are drawn with a variance of 1/12 or 1 in each dimension; the same rows are 0 apart.
+    assert!((1e-4..1e-1).contains(&found), "{found}");
+    let moments = connection.moments(&Gaussian { beta: found as f32 }, Normalization::Both);
+    assert!((moments.unwrap().weight / 200.0 - 1.0).abs() < 1e-2);
+    let flat = Side { descriptors: Descriptors::new(1, vec![5.0; 200]).unwrap(), ..side };
+    let least = connect(&flat, &flat).bandwidth(Bandwidth::Auto(0.25)).unwrap();
+    assert!(least > 0.0 && least < 1e-9, "{least}");
+    let refused = connection.bandwidth(Bandwidth::Auto(f64::NAN));
+    assert!(matches!(refused, Err(Error::Config { field: "beta", .. })));
 }
 
 // --- Normalisations, seen from outside -----------------------------------------------

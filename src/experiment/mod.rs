@@ -10,7 +10,11 @@ mod motion;
 pub mod paper;
 pub mod protocol;
 pub mod shape;
+#[cfg(feature = "figures")]
+mod sheet;
 mod spread;
+#[cfg(feature = "figures")]
+pub mod study;
 mod views;
 
 pub use model::Model;

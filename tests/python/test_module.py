@@ -242,6 +242,22 @@ class Moments(unittest.TestCase):
             with self.subTest(argument), self.assertRaisesRegex(ValueError, f"^{argument}"):
                 call()
 
+    def test_an_automatic_bandwidth_is_a_share_of_the_median_least_distance(self):
+        other = np.random.default_rng(6).normal(size=(300, 8))
+        d2 = ((self.descriptors[:, None] - other[None]) ** 2).sum(axis=2)
+        least = np.sort(np.concatenate([d2.min(axis=0), d2.min(axis=1)]))
+
+        def weight(beta):
+            return cfreg.moments(self.points, self.moved, self.descriptors, other, beta=beta).weight
+
+        for share in (0.25, 2.0):
+            expected = np.exp(-d2 / (share * least[300])).sum()
+            word = "auto" if share == 0.25 else f"auto:{share}"
+            self.assertAlmostEqual(weight(word) / expected, 1.0, places=4)
+        for wrong in ("wide", "auto:0", "auto:x"):
+            with self.assertRaisesRegex(ValueError, "^beta"):
+                weight(wrong)
+
     def test_what_cannot_be_solved_is_its_own_error(self):
         far = self.descriptors + 1e4
         with self.assertRaisesRegex(cfreg.RegistrationError, "no connection has any weight"):
@@ -312,6 +328,14 @@ class Register(unittest.TestCase):
         self.assertEqual(config.pop("normalization"), settings.pop("normalize"))
         self.assertEqual(config.pop("orientation"), {"towards": list(settings.pop("viewpoint"))})
         self.assertEqual({name: config[name] for name in settings}, settings)
+
+    def test_descriptors_of_several_sizes_stand_beside_each_other(self):
+        found = cfreg.register(
+            self.source, self.target, neighbors=40, more_neighbors=[80, 160], normal_neighbors=15, beta="auto"
+        )
+        self.assertEqual(found["config"]["more_neighborhoods"], [{"nearest": 80}, {"nearest": 160}])
+        self.assertEqual(found["config"]["beta"], "auto")
+        self.assertGreater(found["beta"], 0.0)
 
     def test_signatures_state_the_defaults_of_the_crate(self):
         """None means the crate's own: the same configuration must come of both."""
