@@ -65,16 +65,19 @@ class Trials(unittest.TestCase):
             trials.write(records, path, cell="cell")
             self.assertEqual(trials.read(path), records)
             path.write_text(
-                "# {}\ntrial,rotation_deg,frobenius,translation,average_shift,trusted,iterations,error\n"
+                "# {}\ntrial,rotation_deg,frobenius,translation,average_shift,"
+                "trusted,iterations,error\n"
                 "0,1.5,0.25,0.5,0.75,true,1,\n1,,,,,false,0,why\n"
             )
             given = [trials.Record(0, 1.5, 0.25, 0.5, 0.75), trials.Record(1, error="why")]
             self.assertEqual(trials.read(path), given)
 
     def test_a_summary_counts_the_lost_and_averages_the_answered(self):
-        found = [trials.Record(0, 1, 0.1, 1, 1), trials.Record(1, 1, 0.7, 1, 1), trials.Record(2)]
-        self.assertEqual(table.summary(found, "frobenius"), "0.40 ± 0.30 (0.40; 2)")
-        self.assertEqual(table.summary(found[2:], "frobenius"), "none (1 lost)")
+        errors = (0.1, 0.2, 0.9)
+        found = [trials.Record(k, 1, error, 1, 1) for k, error in enumerate(errors)]
+        found.append(trials.Record(3))
+        self.assertEqual(table.summary(found, "frobenius"), "0.40 ± 0.36 (0.20; 2)")
+        self.assertEqual(table.summary(found[3:], "frobenius"), "none (1 lost)")
 
 
 if __name__ == "__main__":

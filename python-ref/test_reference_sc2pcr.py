@@ -4,7 +4,7 @@ import unittest
 
 import numpy as np
 
-from reference.sc2pcr import consensus, sc2pcr, seeds
+from reference.sc2pcr import consensus, inliers, sc2pcr, second_order, seeds, weighted_pose
 from surfaces import random_rotation
 
 
@@ -31,6 +31,10 @@ class SecondOrder(unittest.TestCase):
         found = sc2pcr(source, target, 0.05)
         # Of 80 points about a unit cube: 0.01 / sqrt(80), with room.
         np.testing.assert_allclose(found, truth, atol=0.006)
+        within = inliers(found, source, target, 0.05)
+        self.assertGreaterEqual(within.sum(), 80)
+        again = weighted_pose(within.astype(float), source, target)
+        np.testing.assert_allclose(found, again, atol=1e-12)
 
     def test_the_answer_goes_along_with_the_clouds(self):
         source, target, _ = self.matches(120, 90, noise=0.01)
@@ -50,6 +54,15 @@ class SecondOrder(unittest.TestCase):
         confidence = np.array([1, 3, 2, 5, 4, 0, 0.5, 9, 8, 7])
         # Peaks within 1.5 are 7, 3 and 1; a fifth of ten matches is two.
         self.assertEqual(seeds(confidence, distance, 1.5).tolist(), [7, 3])
+
+    def test_the_second_order_counts_common_neighbours(self):
+        # A triangle 0 1 2, and 3 joined to 2 alone.
+        hard = np.eye(4)
+        for i, j in ((0, 1), (1, 2), (0, 2), (2, 3)):
+            hard[i, j] = hard[j, i] = 1
+        # Each is joined to itself, so two that are joined share themselves too.
+        expected = [[3, 3, 3, 0], [3, 3, 3, 0], [3, 3, 4, 2], [0, 0, 2, 2]]
+        np.testing.assert_array_equal(second_order(hard), expected)
 
     def test_the_second_stage_counts_among_the_first(self):
         hard = (self.rng.random((60, 60)) < 0.4).astype(float)

@@ -2,10 +2,12 @@
 
 The recommendations are multiples of the voxel that clouds are thinned by. 500 points need
 no thinning; their spacing (`Pair.spacing`) is what a voxel would leave, and stands for it.
-Nothing was tuned to the trials. With one thread (`__main__`) and its seed each gives the same
-again; KISS-Matcher takes no seed and was found to do so too. Features come from Open3D, whose normals look at the viewpoint
-that a pair names; KISS-Matcher makes its own, which look at the origin, so it gets the
-clouds moved to where their viewpoint is the origin.
+Nothing was tuned to the trials. Run by one thread (`__main__`) each gives the same again:
+Open3D's two take a seed, KISS-Matcher takes none and was found to do so too.
+
+Features come from Open3D, whose normals look at the viewpoint that a pair names. KISS-Matcher
+makes its own, which look at the origin, so it gets the clouds moved to where their viewpoint
+is the origin. It refuses voxels below 5 mm.
 """
 
 import importlib.util
@@ -135,5 +137,7 @@ CONTENDERS = (
     ),
     Contender("FGR", "open3d", {"distance": 0.5, "seed": 0} | FEATURES, fast_global),
     # Two voxels, as the authors take for FPFH indoors.
-    Contender("SC2-PCR from its paper on FPFH", "open3d", {"threshold": 2.0} | FEATURES, second_order),
+    Contender(
+        "SC2-PCR from its paper on FPFH", "open3d", {"threshold": 2.0} | FEATURES, second_order
+    ),
 )

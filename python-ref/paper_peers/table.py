@@ -13,7 +13,8 @@ LEGEND = f"""# The paper's tables with methods that it does not have
 
 Each cell: mean ± deviation over the trials with an answer, then (median; how many are lost,
 of all: without an answer, or off by more than {LOST} in the norm of Table II, 20 degrees).
-Rows that name no package are this crate's, from the trials of `cfreg reproduce`.
+Rows that name no package are this crate's, from the trials of `cfreg reproduce`. A simulated
+scan stands in for the Armadillo's where that is not to be had.
 """
 
 
@@ -45,7 +46,7 @@ def markdown(results, contenders):
 def place(name):
     """Columns in the order of the paper: small rotations first, bunny, dragon, Armadillo."""
     _, _, shape, motion = name.split("_")
-    return motion != "small", ["bunny", "dragon"].index(shape) if shape in ("bunny", "dragon") else 2
+    return motion != "small", {"bunny": 0, "dragon": 1}.get(shape, 2)
 
 
 def summary(records, measure):
@@ -55,7 +56,8 @@ def summary(records, measure):
     lost = sum(record.lost() for record in records)
     if not values:
         return f"none ({lost} lost)"
-    return f"{number(np.mean(values))} ± {number(np.std(values))} ({number(np.median(values))}; {lost})"
+    mean, deviation, median = (number(of(values)) for of in (np.mean, np.std, np.median))
+    return f"{mean} ± {deviation} ({median}; {lost})"
 
 
 def number(value):

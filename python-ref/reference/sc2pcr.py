@@ -1,8 +1,8 @@
-"""SC2-PCR on given matches (Chen, Sun, Yang and Tao, CVPR 2022), in the order of its section 3.
+"""SC2-PCR on given matches (Chen, Sun, Yang and Tao, CVPR 2022), by the steps of its figure 2.
 
 Matches are compatible when they keep their distance, and compatible to the second order
 when many others are compatible with both. Sets of such matches about a few seeds each
-give a pose; the one with most inliers stays.
+give a pose; the one with most inliers stays, and is solved again from these.
 """
 
 import numpy as np
@@ -23,13 +23,14 @@ def sc2pcr(source, target, threshold):
     `threshold`. None where no seed has matches that determine a pose."""
     distance = [np.linalg.norm(p[:, None] - p, axis=2) for p in (source, target)]
     difference = np.abs(distance[0] - distance[1])
-    # Section 3.2: first order, soft and hard; second order, the hard one's common neighbours.
+    # C_ij, compatible to the first order: more or less, and yes or no.
     soft = np.maximum(0.0, 1.0 - (difference / threshold) ** 2)
     hard = (difference <= threshold).astype(float)
-    second_order = hard * (hard @ hard)
+    measure = second_order(hard)
+    # Step 5: the pose with most inliers.
     best, most = None, 0
     for seed in seeds(leading_eigenvector(soft), distance[0], threshold):
-        members = consensus(hard, second_order, seed)
+        members = consensus(hard, measure, seed)
         pose = spectral_pose(hard[np.ix_(members, members)], source[members], target[members])
         count = 0 if pose is None else inliers(pose, source, target, threshold).sum()
         if count > most:
@@ -37,8 +38,14 @@ def sc2pcr(source, target, threshold):
     return None if best is None else refined(best, source, target, threshold)
 
 
+def second_order(hard):
+    """Step 1: how many matches are compatible with both of two compatible ones,
+    SC2_ij = C_ij sum_k C_ik C_kj."""
+    return hard * (hard @ hard)
+
+
 def seeds(confidence, distance, radius):
-    """Section 3.3: matches that nobody within `radius` in the source surpasses, the most
+    """Step 2: matches that nobody within `radius` in the source surpasses, the most
     confident first, a share `SEEDS` of all at most."""
     rivals = np.where(distance < radius, confidence[None, :], 0.0).max(axis=1)
     peaks = np.flatnonzero(confidence >= rivals)
@@ -46,19 +53,19 @@ def seeds(confidence, distance, radius):
     return by_confidence[: max(1, int(SEEDS * len(confidence)))]
 
 
-def consensus(hard, second_order, seed):
-    """Section 3.4: the `FIRST` matches closest to the seed by the measure over all matches,
+def consensus(hard, measure, seed):
+    """Step 3: the `FIRST` matches closest to the seed by the measure over all matches,
     of these the `SECOND` closest by the measure among them."""
-    near = highest(second_order[seed], FIRST)
+    near = highest(measure[seed], FIRST)
     local = hard[np.ix_(near, near)]
     own = hard[seed, near]
     return near[highest(own * (local @ own), SECOND)]
 
 
 def spectral_pose(hard, source, target):
-    """Section 3.5: the weighted least-squares pose of a consensus set, weights from the
+    """Step 4: the weighted least-squares pose of a consensus set, weights from the
     leading eigenvector of its own second-order measure; None where it has none."""
-    return weighted_pose(leading_eigenvector(hard * (hard @ hard)), source, target)
+    return weighted_pose(leading_eigenvector(second_order(hard)), source, target)
 
 
 def refined(pose, source, target, threshold):
