@@ -10,8 +10,10 @@ crate's methods, whose trials are in RESULTS/trials/ once `cfreg reproduce` has 
 
 import os
 
-# RANSAC takes its random numbers by thread, and the threads in the order they come in.
-os.environ["OMP_NUM_THREADS"] = "1"
+# Open3D's RANSAC gives random numbers to its threads in the order they come; it has as many
+# threads as processors (OMP_NUM_THREADS is not heeded). Before it is loaded: one.
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
 import argparse
 import sys

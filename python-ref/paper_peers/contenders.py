@@ -2,8 +2,9 @@
 
 The recommendations are multiples of the voxel that clouds are thinned by. 500 points need
 no thinning; their spacing (`Pair.spacing`) is what a voxel would leave, and stands for it.
-Nothing was tuned to the trials. Run by one thread (`__main__`) each gives the same again:
-Open3D's two take a seed, KISS-Matcher takes none and was found to do so too.
+Nothing was tuned to the trials. On one processor (`__main__`) each gives the same again:
+Open3D's two take a seed, KISS-Matcher takes none and was found to do so too. On more,
+RANSAC does not.
 
 Features come from Open3D, whose normals look at the viewpoint that a pair names. KISS-Matcher
 makes its own, which look at the origin, so it gets the clouds moved to where their viewpoint
