@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 use cfreg::Error;
-use cfreg::experiment::paper::{Options, cell::Test, run};
+use cfreg::experiment::paper::{Options, cell::Test, pairs, run};
 
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
@@ -41,6 +41,26 @@ fn a_smoke_run_is_whole_and_goes_on_where_it_was_cut() {
     run(&options, |_, _| {}).unwrap();
     assert_eq!(files(&options.output.join("trials")), trials);
     assert!(files(&options.output) == first, "a second run differs");
+}
+
+#[test]
+fn pairs_are_written_once_for_all_contenders() {
+    let Some(data) = common::shared_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("results");
+    let options = Options { data, output, smoke: true, only: None };
+    let written = folder.path().join("pairs");
+    pairs::write(&options, &written).unwrap();
+    // One shape and three, two motions; nothing is registered.
+    let cells: Vec<_> = fs::read_dir(&written).unwrap().map(|cell| cell.unwrap().path()).collect();
+    assert_eq!(cells.len(), 8);
+    assert!(!options.output.exists());
+    for cell in cells {
+        let names: Vec<String> = files(&cell).into_keys().collect();
+        assert_eq!(names, ["source.npy", "target.npy", "truth.npy", "viewpoints.npy"]);
+        // Two trials of 500 points, three f64 each, after a header of two times 64 bytes.
+        assert_eq!(files(&cell)["source.npy"].len(), 128 + 2 * 500 * 24, "{}", cell.display());
+    }
 }
 
 #[test]

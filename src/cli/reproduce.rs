@@ -23,6 +23,10 @@ pub(super) struct Reproduce {
     /// This test alone
     #[arg(long, value_name = "TEST")]
     only: Option<Only>,
+    /// Register nothing: write the pairs of Tables I and II to this folder, as arrays that
+    /// numpy.load reads, for other programs to register
+    #[arg(long, value_name = "DIR")]
+    pairs: Option<PathBuf>,
     /// Threads, 0 for all cores; never changes the result
     #[arg(long, value_name = "T", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
@@ -59,6 +63,10 @@ impl Reproduce {
             smoke: self.smoke,
             only: self.only.map(Test::from),
         };
+        if let Some(folder) = &self.pairs {
+            paper::pairs::write(&options, folder)?;
+            return Ok(Outcome::Trusted);
+        }
         let bar = progress(1, "cells");
         let results = par::with_threads(self.threads, || {
             paper::run(&options, |done, all| {

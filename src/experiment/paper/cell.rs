@@ -191,19 +191,19 @@ impl Cell {
 
     /// A name for files.
     pub fn name(&self) -> String {
+        let contender = self.contender.to_string().replace(' ', "-");
+        format!("{}_{contender}", self.trials_name()).to_lowercase()
+    }
+
+    /// A name for the pairs that all contenders are given.
+    pub fn trials_name(&self) -> String {
         let test = match self.test {
             Test::Sensitivity => format!("sensitivity-{:03}", self.noise),
             Test::Robustness => "robustness".into(),
             Test::Accuracy => "accuracy".into(),
         };
-        let contender = self.contender.to_string().replace(' ', "-");
-        let words = [
-            test,
-            self.reading.to_string(),
-            self.shape.to_string(),
-            self.motion.to_string(),
-            contender,
-        ];
+        let words =
+            [test, self.reading.to_string(), self.shape.to_string(), self.motion.to_string()];
         words.join("_").to_lowercase()
     }
 }

@@ -4,6 +4,7 @@
 pub mod cell;
 mod lecture;
 pub mod models;
+pub mod pairs;
 mod pictures;
 pub mod printed;
 mod record;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
 use crate::error::{Error, Result};
-use crate::experiment::protocol::Draw;
+use crate::experiment::protocol::{Draw, Trial};
 use crate::experiment::{Model, Spread};
 use crate::io;
 use crate::method::{Method, Register};
@@ -55,6 +55,21 @@ pub(super) const POINTS: usize = 500;
 /// Seed of all trials.
 pub(super) const SEED: u64 = 2020;
 
+/// The pair of a trial of `cell`, the same for every contender.
+///
+/// # Errors
+/// Those of [`Protocol::trial`](crate::experiment::protocol::Protocol::trial).
+pub(super) fn trial(cell: &Cell, model: &Model, number: usize) -> Result<Trial> {
+    let draw = Draw {
+        motion: cell.motion,
+        viewpoint: cell.reading.viewpoint(),
+        points: POINTS,
+        seed: SEED,
+        number: number as u64,
+    };
+    cell.protocol().trial(model, draw)
+}
+
 impl Trials {
     /// Runs the trials of `cell` on `model`, several at a time.
     ///
@@ -64,14 +79,7 @@ impl Trials {
     pub fn run(cell: &Cell, model: &Model) -> Result<Self> {
         let method = cell.contender.method();
         let one = |number: usize| {
-            let draw = Draw {
-                motion: cell.motion,
-                viewpoint: cell.reading.viewpoint(),
-                points: POINTS,
-                seed: SEED,
-                number: number as u64,
-            };
-            let trial = cell.protocol().trial(model, draw)?;
+            let trial = trial(cell, model, number)?;
             let (trial_number, found) =
                 (number as u64, method.register(&trial.source, &trial.target));
             Ok(match found {
