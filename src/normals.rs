@@ -56,6 +56,14 @@ pub struct Normals {
 }
 
 impl Normals {
+    /// Whether point `i` has a normal.
+    ///
+    /// # Panics
+    /// When there is no such point.
+    pub fn defined(&self, i: usize) -> bool {
+        self.vectors[i] != [0.0; 3]
+    }
+
     /// Points without a defined normal.
     pub fn undefined(&self) -> usize {
         self.vectors.iter().filter(|normal| **normal == [0.0; 3]).count()

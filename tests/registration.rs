@@ -4,7 +4,7 @@ mod common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cf, Describe, Register, Registration};
+use cfreg::method::{Cf, Describe, Register, Registration, Scale};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, quality};
@@ -226,12 +226,17 @@ fn more_neighbours_than_points_means_all_points() {
     assert_eq!(found.points.source.neighbors, Some(100));
 }
 
+/// A scale with the normals of the first.
+fn scale(neighborhood: Neighborhood) -> Scale {
+    Scale { neighborhood, normal_neighborhood: None }
+}
+
 #[test]
 fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
     let truth = pose_of_pair();
     let sharp = Cf {
         describe: Describe {
-            more_neighborhoods: [120, 240].map(Neighborhood::Nearest).to_vec(),
+            more_scales: vec![scale(Neighborhood::Nearest(120)), scale(Neighborhood::Nearest(240))],
             normal_neighborhood: Some(Neighborhood::Nearest(15)),
             ..cf().describe
         },
@@ -256,12 +261,13 @@ fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
 #[test]
 fn a_point_without_one_of_its_descriptors_is_not_connected() {
     let (source, target) = pair(0, 300);
-    let tiny = Describe { more_neighborhoods: vec![Neighborhood::Radius(0.09)], ..cf().describe };
+    let more = |n| Describe { more_scales: vec![scale(n)], ..cf().describe };
+    let tiny = more(Neighborhood::Radius(0.09));
     let found = Cf { describe: tiny, ..Cf::default() }.register(&source, &target).unwrap();
     let described = found.points.source.described;
     assert!((10..300).contains(&described), "{described}");
-    let none = Describe { more_neighborhoods: vec![Neighborhood::Nearest(2)], ..cf().describe };
-    let refused = Cf { describe: none, ..Cf::default() }.register(&source, &target);
+    let refused =
+        Cf { describe: more(Neighborhood::Nearest(2)), ..Cf::default() }.register(&source, &target);
     assert!(matches!(refused, Err(Error::Config { field: "neighbors", .. })));
 }
 

@@ -57,7 +57,8 @@ impl Thinning {
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
 pub(super) struct MethodOptions {
-    /// Registration method: cf (the paper's full connection), cfk (of keypoints), teaser;
+    /// Registration method: cf (the paper's full connection), cf-multiscale (with the
+    /// sharpest weights), cfk (of keypoints), teaser;
     /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
     /// kc, cpd, dare
     #[arg(long, default_value = "cf")]
@@ -73,9 +74,10 @@ pub(super) struct MethodOptions {
     /// Describe by all points within this radius instead, in the unit of the coordinates
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     radius: Option<f64>,
-    /// More neighbourhoods, each by its nearest points: their descriptors are put beside
-    #[arg(long, value_name = "K,..", value_delimiter = ',', allow_negative_numbers = true)]
-    more_neighbors: Vec<usize>,
+    /// More scales, each by its nearest points, and by those for its normals if they are
+    /// not to be the first scale's: their descriptors are put beside
+    #[arg(long, value_name = "K[:NORMALS],..", value_delimiter = ',')]
+    more_neighbors: Vec<String>,
     /// Nearest points for normals [default: as for descriptors]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,

@@ -36,8 +36,19 @@ pub enum Method {
 
 impl Method {
     /// The names `--method` takes.
-    pub const NAMES: [&'static str; 10] =
-        ["cf", "cfk", "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
+    pub const NAMES: [&'static str; 11] = [
+        "cf",
+        "cf-multiscale",
+        "cfk",
+        "icp",
+        "icp-paper",
+        "plane-icp",
+        "gicp",
+        "kc",
+        "cpd",
+        "dare",
+        "teaser",
+    ];
 
     /// The method's name.
     pub fn name(&self) -> &'static str {
@@ -92,6 +103,7 @@ impl FromStr for Method {
     fn from_str(name: &str) -> Result<Self> {
         Ok(match name {
             "cf" => Method::Cf(Cf::default()),
+            "cf-multiscale" => Method::Cf(Cf::multiscale()),
             "cfk" => Method::Cfk(Cfk::default()),
             "icp" => Method::Icp(Icp::default()),
             "icp-paper" => Method::Icp(Icp::paper()),

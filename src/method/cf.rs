@@ -2,16 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::prepared::Describe;
+use super::prepared::{Describe, Scale};
 use super::registration::{Found, PointCounts, Registration, Timings};
 use super::{Method, Register, StopReason};
 use crate::cloud::PointCloud;
+use crate::descriptor::HistogramScale;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
 use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
+use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
@@ -58,6 +60,40 @@ pub struct Cf {
 }
 
 impl Cf {
+    /// The best of the study of weight schemes that is still one step: descriptors at three
+    /// scales, each with normals of its own and a point's own histogram in it (Open3D's
+    /// scale), a bandwidth from the descriptors, dual softmax.
+    ///
+    /// On independent samples a quarter of the default's rotation error, at about eight times
+    /// its cost.
+    ///
+    /// ```
+    /// use cfreg::method::{Cf, Register};
+    /// # use cfreg::experiment::shape::boulder;
+    /// # let (source, target) = (boulder().sample(500, 1)?, boulder().sample(500, 2)?);
+    /// let registration = Cf::multiscale().register(&source, &target)?;
+    /// assert!(registration.transform.angle().to_degrees() < 5.0);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn multiscale() -> Cf {
+        let scale = |(k, normals)| Scale {
+            neighborhood: Neighborhood::Nearest(k),
+            normal_neighborhood: Some(Neighborhood::Nearest(normals)),
+        };
+        Cf {
+            describe: Describe {
+                neighborhood: Neighborhood::Nearest(100),
+                normal_neighborhood: Some(Neighborhood::Nearest(10)),
+                more_scales: [(200, 50), (400, 150)].map(scale).to_vec(),
+                histogram: HistogramScale::Open3d,
+                ..Describe::default()
+            },
+            beta: Some(Bandwidth::Auto(Bandwidth::DEFAULT_SHARE)),
+            normalization: Normalization::Both,
+            ..Cf::default()
+        }
+    }
+
     /// The settings with every default that depends on another filled in.
     pub fn resolved(&self) -> Cf {
         Cf { beta: Some(self.bandwidth()), ..self.clone() }

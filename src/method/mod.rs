@@ -27,7 +27,7 @@ pub use cpd::Cpd;
 pub use dare::Dare;
 pub use icp::{Icp, Metric};
 pub use kernel_correlation::KernelCorrelation;
-pub use prepared::{Describe, Prepared};
+pub use prepared::{Describe, Prepared, Scale};
 pub use registration::{Counts, PointCounts, Registration, Timings};
 pub use schedule::{Step, StopReason};
 pub use teaser::{Certificate, Teaser};

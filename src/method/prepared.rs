@@ -8,7 +8,7 @@ use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
 use crate::moments::Described;
-use crate::normals::{self, Orientation};
+use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
 /// How a cloud is described: normals, then FPFH.
@@ -19,10 +19,9 @@ pub struct Describe {
     /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
     /// under noise. A radius suits clouds of known unit and uneven density.
     pub neighborhood: Neighborhood,
-    /// More neighbourhoods: the descriptors of each are put beside
-    /// ([`Descriptors::beside`]), so that points are alike when they are alike at every
-    /// size. Default none, as in the paper.
-    pub more_neighborhoods: Vec<Neighborhood>,
+    /// More scales, whose descriptors are put beside ([`Descriptors::beside`]), so that
+    /// points are alike when they are alike at every scale. Default none, as in the paper.
+    pub more_scales: Vec<Scale>,
     /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
     /// smaller one keeps edges.
     pub normal_neighborhood: Option<Neighborhood>,
@@ -33,11 +32,21 @@ pub struct Describe {
     pub histogram: HistogramScale,
 }
 
+/// One more scale at which points are described.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Scale {
+    /// Neighbourhood of its descriptors.
+    pub neighborhood: Neighborhood,
+    /// Neighbourhood of its normals; default: its normals are those of the first scale.
+    #[serde(default)]
+    pub normal_neighborhood: Option<Neighborhood>,
+}
+
 impl Default for Describe {
     fn default() -> Self {
         Describe {
             neighborhood: Neighborhood::Nearest(150),
-            more_neighborhoods: Vec::new(),
+            more_scales: Vec::new(),
             normal_neighborhood: None,
             orientation: Orientation::default(),
             histogram: HistogramScale::default(),
@@ -61,8 +70,10 @@ impl Describe {
     /// Those of [`Neighborhood::validate`].
     pub fn validate(&self) -> Result<()> {
         self.neighborhood.validate()?;
-        self.more_neighborhoods.iter().try_for_each(Neighborhood::validate)?;
-        self.normal_neighborhood.map_or(Ok(()), |normal| normal.validate())
+        let more = self.more_scales.iter();
+        let normals = more.clone().map(|scale| scale.normal_neighborhood);
+        let all = more.map(|scale| Some(scale.neighborhood)).chain(normals);
+        all.chain([self.normal_neighborhood]).flatten().try_for_each(|n| n.validate())
     }
 
     /// Describes `cloud`; `name` is what errors call it. Stage times are added to `times`.
@@ -131,18 +142,29 @@ impl Describe {
                 detector.detect(points, &estimated.as_ref().unwrap_or(&normals).curvature)
             })?,
         };
-        let describe = |neighbors: &Neighbors| {
+        let described_by = |normals: &Normals, neighbors: &Neighbors| {
             fpfh_at(points, &normals.vectors, neighbors, &rows, self.histogram)
         };
-        let mut tables = vec![times.time("descriptors", || describe(&neighbors))?];
-        for &more in &self.more_neighborhoods {
-            let neighbors = times.time("neighbors", || find(more))?;
-            tables.push(times.time("descriptors", || describe(&neighbors))?);
+        let mut tables = vec![times.time("descriptors", || described_by(&normals, &neighbors))?];
+        let mut defined: Vec<bool> = rows.iter().map(|&row| normals.defined(row)).collect();
+        for scale in &self.more_scales {
+            let neighbors = times.time("neighbors", || find(scale.neighborhood))?;
+            let own =
+                match scale.normal_neighborhood {
+                    Some(normal) => {
+                        let around = times.time("neighbors", || find(normal))?;
+                        Some(times.time("normals", || {
+                            normals::estimate(cloud, &around, self.orientation)
+                        })?)
+                    }
+                    None => None,
+                };
+            let normals = own.as_ref().unwrap_or(&normals);
+            defined.iter_mut().zip(&rows).for_each(|(is, &row)| *is &= normals.defined(row));
+            tables.push(times.time("descriptors", || described_by(normals, &neighbors))?);
         }
-        let defined = |&at: &usize| {
-            normals.vectors[rows[at]] != [0.0; 3]
-                && tables.iter().all(|table| table.row(at).iter().any(|&bin| bin != 0.0))
-        };
+        let there = |table: &Descriptors, at| table.row(at).iter().any(|&bin| bin != 0.0);
+        let defined = |&at: &usize| defined[at] && tables.iter().all(|table| there(table, at));
         let described: Vec<usize> = (0..rows.len()).filter(defined).collect();
         if let Some(detector) = detector.filter(|_| described.len() < 3) {
             let what = format!(

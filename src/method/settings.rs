@@ -11,7 +11,7 @@ impl Method {
     ///
     /// Some have a short form: `neighbors` and `radius` for `neighborhood`,
     /// `normal_neighbors` for `normal_neighborhood`, `more_neighbors` for
-    /// `more_neighborhoods`, `normalize` for `normalization`,
+    /// `more_scales` (`[200, 400]`, or `["200:50", "400:150"]` with as many for normals), `normalize` for `normalization`,
     /// `detector` for the name of a keypoint detector in `keypoints`, `viewpoint` for an `orientation` towards a place.
     ///
     /// # Errors
@@ -62,11 +62,8 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
         "radius" => ("neighborhood", json!({ "radius": value })),
         "normal_neighbors" => ("normal_neighborhood", json!({ "nearest": value })),
         "more_neighbors" => match value {
-            Value::Array(counts) => {
-                let each = counts.into_iter().map(|count| json!({ "nearest": count }));
-                ("more_neighborhoods", each.collect())
-            }
-            value => ("more_neighborhoods", json!([{ "nearest": value }])),
+            Value::Array(counts) => ("more_scales", counts.into_iter().map(scale).collect()),
+            value => ("more_scales", json!([scale(value)])),
         },
         "detector" => match value {
             Value::String(name) => ("keypoints", json!({ name: {} })),
@@ -75,6 +72,21 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
         "normalize" => ("normalization", value),
         "viewpoint" => ("orientation", json!({ "towards": value })),
         _ => (name, value),
+    }
+}
+
+/// `200`, or `"200:50"`: nearest points for descriptors, and for normals.
+fn scale(value: Value) -> Value {
+    let nearest = |count: &str| match count.trim().parse::<u64>() {
+        Ok(count) => json!({ "nearest": count }),
+        Err(_) => json!({ "nearest": count }),
+    };
+    match value.as_str().map(|text| text.split_once(':').unwrap_or((text, ""))) {
+        Some((count, "")) => json!({ "neighborhood": nearest(count) }),
+        Some((count, normals)) => json!({
+            "neighborhood": nearest(count), "normal_neighborhood": nearest(normals)
+        }),
+        None => json!({ "neighborhood": { "nearest": value } }),
     }
 }
 
@@ -94,9 +106,15 @@ mod tests {
         let set = |name, value| method.clone().with([(name, value)]);
         let Method::Cf(cf) = set("neighbors", 20.into()).unwrap() else { panic!() };
         assert_eq!(cf.describe.neighborhood, crate::search::Neighborhood::Nearest(20));
-        let Method::Cf(cf) = set("more_neighbors", json!([200, 400])).unwrap() else { panic!() };
-        let more = [200, 400].map(crate::search::Neighborhood::Nearest);
-        assert_eq!(cf.describe.more_neighborhoods, more);
+        let value = json!([200, "300", "400:150"]);
+        let Method::Cf(cf) = set("more_neighbors", value).unwrap() else { panic!() };
+        let nearest = crate::search::Neighborhood::Nearest;
+        let scale = |k, normals: Option<usize>| crate::method::Scale {
+            neighborhood: nearest(k),
+            normal_neighborhood: normals.map(nearest),
+        };
+        let more = [scale(200, None), scale(300, None), scale(400, Some(150))];
+        assert_eq!(cf.describe.more_scales, more);
         let Method::Cf(cf) = set("beta", "auto".into()).unwrap() else { panic!() };
         assert_eq!(cf.beta, Some(crate::weight::Bandwidth::Auto(0.25)));
         let Method::Cf(cf) = set("normalize", "sinkhorn:3".into()).unwrap() else { panic!() };
@@ -113,6 +131,10 @@ mod tests {
         assert!(message("beta", "x".into()).starts_with("beta = \"x\": "));
         assert!(message("weights", "x".into()).starts_with("weights = \"x\": must be one of"));
         assert!(message("method", "icp".into()).contains("no such setting"));
+        for wrong in [json!("x"), json!([1.5]), json!("20:x"), json!({})] {
+            let message = message("more_neighbors", wrong);
+            assert!(message.starts_with("more_neighbors = "), "{message}");
+        }
         assert!(message("neighbors", (-1).into()).starts_with("neighbors = -1: "));
     }
 }

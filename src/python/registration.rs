@@ -23,12 +23,12 @@ use crate::weight::Bandwidth;
 /// ----------
 /// source_points, target_points : (N, 3) and (M, 3), float32 or float64, same unit unless
 ///     the scale is estimated; rows that are not finite are left out and counted
-/// method : "cf" (the full connection), "cfk" (of keypoints), "teaser"; from the pose in
-///     which the clouds lie: "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"
+/// method : "cf" (the full connection), "cf-multiscale" (with the sharpest weights), "cfk"
+///     (of keypoints), "teaser"; from the pose in which the clouds lie: "icp", "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"
 /// neighbors : nearest points of a neighbourhood for normals and descriptors, the point
 ///     itself counted, at least 3; None, here and below: the method's default. Among the
-///     settings below are normal_neighbors, and more_neighbors=[200, 400] for descriptors
-///     of several sizes beside each other
+///     settings below are normal_neighbors, and more_neighbors=["200:50", "400:150"] for
+///     descriptors at more scales beside, from as many points and normals of as many
 /// beta : squared bandwidth of the weights, 1e-12 to 1e12, "auto" or "auto:SHARE", see
 ///     moments. Default that of the histogram, 100 for "pcl" and 400 for "open3d"
 /// weights, normalize : see moments

@@ -331,9 +331,15 @@ class Register(unittest.TestCase):
 
     def test_descriptors_of_several_sizes_stand_beside_each_other(self):
         found = cfreg.register(
-            self.source, self.target, neighbors=40, more_neighbors=[80, 160], normal_neighbors=15, beta="auto"
+            self.source, self.target, neighbors=40, more_neighbors=[80, "160:50"], normal_neighbors=15, beta="auto"
         )
-        self.assertEqual(found["config"]["more_neighborhoods"], [{"nearest": 80}, {"nearest": 160}])
+        self.assertEqual(
+            found["config"]["more_scales"],
+            [
+                {"neighborhood": {"nearest": 80}, "normal_neighborhood": None},
+                {"neighborhood": {"nearest": 160}, "normal_neighborhood": {"nearest": 50}},
+            ],
+        )
         self.assertEqual(found["config"]["beta"], "auto")
         self.assertGreater(found["beta"], 0.0)
 

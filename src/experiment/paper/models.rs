@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::cell::{Reading, Shape};
+use crate::cloud::Mesh;
 use crate::error::{Error, Result};
 use crate::experiment::Model;
 use crate::io;
@@ -62,4 +63,23 @@ pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
         false => Model::from(io::read_mesh(&path)?),
     };
     Ok(Source { model, path, remark })
+}
+
+/// The whole surface of `shape`, reconstructed from all of its scans, at its real size in
+/// metres; `None` where `folder`, flat or a folder a data set, has it not.
+///
+/// # Errors
+/// Those of [`io::read_mesh`].
+pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
+    // The Armadillo's mesh is 151 units high, its scans 0.275 m.
+    let (name, unit) = match shape {
+        Shape::Bunny => ("bun_zipper.ply", 1.0),
+        Shape::Dragon => ("dragon_vrip_res2.ply", 1.0),
+        Shape::Armadillo => ("armadillo.ply", 0.275 / 151.0),
+    };
+    let places = [folder.join(name), folder.join("stanford_meshes").join(name)];
+    let Some(path) = places.into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    let mut mesh = io::read_mesh(&path)?;
+    mesh.vertices.iter_mut().flatten().for_each(|x| *x *= unit);
+    Ok(Some(mesh))
 }

@@ -1,13 +1,16 @@
 //! What makes a registration hard, one thing at a time.
 
 use std::fmt;
+use std::io::ErrorKind;
+use std::path::Path;
 
 use serde::Serialize;
 
 use crate::cloud::Mesh;
 use crate::error::{Error, Result};
 use crate::experiment::Views;
-use crate::experiment::paper::cell::Shape;
+use crate::experiment::paper::cell::{Reading, Shape};
+use crate::experiment::paper::models;
 use crate::experiment::protocol::{Draw, Protocol, Trial, Viewpoint};
 use crate::experiment::{Model, Motion};
 
@@ -94,6 +97,24 @@ impl Scenes {
         }
         let view = |(shape, mesh)| Ok((shape, Views::new(mesh)?));
         Ok(Scenes { scans, views: objects.into_iter().map(view).collect::<Result<_>>()? })
+    }
+
+    /// Of the paper's scans and of the whole objects that `folder` has
+    /// ([`models::load`], [`models::object`]).
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new) and of the readers.
+    pub fn load(folder: &Path) -> Result<Self> {
+        let (mut scans, mut objects) = (Vec::new(), Vec::new());
+        for shape in Shape::ALL {
+            match models::load(folder, shape, Reading::Fitting) {
+                Ok(source) => scans.push((shape, source.model)),
+                Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+            objects.extend(models::object(folder, shape)?.map(|mesh| (shape, mesh)));
+        }
+        Scenes::new(scans, objects)
     }
 
     /// Whether there is anything to make such trials of.

@@ -92,13 +92,13 @@ fn sizes(study: &Study) -> Panel {
     for (normals, words) in [(None, "normals of as many"), (Some(10), "normals of 10")] {
         for normalize in [Normalization::None, Normalization::Both] {
             let alike = |points: &&Points| {
-                points.normals == normals
-                    && points.neighbors.len() == 1
+                points.scales.len() == 1
+                    && points.scales[0].1 == normals
                     && points.histogram == Place::PAPER.points.histogram
             };
             let error = |points: &Points| {
                 let place = Place { points: *points, normalize, ..Place::PAPER };
-                Some([points.neighbors[0] as f64, screened(study, Condition::Independent, place)?])
+                Some([points.scales[0].0 as f64, screened(study, Condition::Independent, place)?])
             };
             let mut found: Vec<[f64; 2]> =
                 Points::ALL.iter().filter(alike).filter_map(error).collect();

@@ -1,10 +1,8 @@
 //! What takes part in the study: weight schemes, those of the grid and anybody's.
 
-use serde::Serialize;
-
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
-use crate::method::Describe;
+use crate::method::{Describe, Scale};
 use crate::moments::{FullConnection, Moments};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -64,12 +62,11 @@ impl Scheme {
 }
 
 /// A way to describe points, one of [`Points::ALL`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Points {
-    /// Nearest points of the neighbourhoods whose descriptors stand beside each other.
-    pub neighbors: &'static [usize],
-    /// Nearest points for normals; `None`: as many as the first of `neighbors`.
-    pub normals: Option<usize>,
+    /// Nearest points of the neighbourhoods whose descriptors stand beside each other, each
+    /// with those for its normals; `None`: as many.
+    pub scales: &'static [(usize, Option<usize>)],
     /// Whose FPFH.
     pub histogram: HistogramScale,
 }
@@ -78,56 +75,61 @@ impl Points {
     /// The ways of the grid, the paper's first.
     pub const ALL: [Points; 16] = {
         use HistogramScale::{Open3d, Pcl};
+        const SAME: [(usize, Option<usize>); 3] =
+            [(100, Some(10)), (200, Some(10)), (400, Some(10))];
+        const OWN: [(usize, Option<usize>); 3] =
+            [(100, Some(10)), (200, Some(50)), (400, Some(150))];
         [
-            Points::of(&[150], None, Pcl),
-            Points::of(&[50], None, Pcl),
-            Points::of(&[100], None, Pcl),
-            Points::of(&[250], None, Pcl),
-            Points::of(&[50], None, Open3d),
-            Points::of(&[150], None, Open3d),
-            Points::of(&[50], Some(10), Pcl),
-            Points::of(&[100], Some(10), Pcl),
-            Points::of(&[150], Some(10), Pcl),
-            Points::of(&[250], Some(10), Pcl),
-            Points::of(&[100, 200], Some(10), Pcl),
-            Points::of(&[100, 200, 400], Some(10), Pcl),
-            Points::of(&[50, 100, 200, 400], Some(10), Pcl),
-            Points::of(&[100, 200, 400], Some(20), Pcl),
-            Points::of(&[100, 200, 400], Some(40), Pcl),
-            Points::of(&[100, 200, 400], Some(10), Open3d),
+            Points { scales: &[(150, None)], histogram: Pcl },
+            Points { scales: &[(50, None)], histogram: Pcl },
+            Points { scales: &[(100, None)], histogram: Pcl },
+            Points { scales: &[(250, None)], histogram: Pcl },
+            Points { scales: &[(50, None)], histogram: Open3d },
+            Points { scales: &[(150, None)], histogram: Open3d },
+            Points { scales: &[(50, Some(10))], histogram: Pcl },
+            Points { scales: &[(100, Some(10))], histogram: Pcl },
+            Points { scales: &[(150, Some(10))], histogram: Pcl },
+            Points { scales: &[(250, Some(10))], histogram: Pcl },
+            Points { scales: &[(150, Some(10))], histogram: Open3d },
+            Points { scales: &SAME, histogram: Pcl },
+            Points { scales: &SAME, histogram: Open3d },
+            Points { scales: &OWN, histogram: Pcl },
+            Points { scales: &OWN, histogram: Open3d },
+            Points {
+                scales: &[(200, Some(10)), (200, Some(50)), (200, Some(150))],
+                histogram: Open3d,
+            },
         ]
     };
 
-    const fn of(
-        neighbors: &'static [usize],
-        normals: Option<usize>,
-        histogram: HistogramScale,
-    ) -> Self {
-        Points { neighbors, normals, histogram }
-    }
-
     /// As a setting of the methods.
     pub fn describe(self) -> Describe {
-        let mut neighborhoods = self.neighbors.iter().map(|&k| Neighborhood::Nearest(k));
-        let first = neighborhoods.next();
+        let nearest = Neighborhood::Nearest;
+        let (k, normals) = self.scales[0];
+        let scale = |&(k, normals): &(usize, Option<usize>)| Scale {
+            neighborhood: nearest(k),
+            normal_neighborhood: Some(nearest(normals.unwrap_or(k))),
+        };
         Describe {
-            neighborhood: first.unwrap_or(Describe::default().neighborhood),
-            more_neighborhoods: neighborhoods.collect(),
-            normal_neighborhood: self.normals.map(Neighborhood::Nearest),
+            neighborhood: nearest(k),
+            normal_neighborhood: normals.map(nearest),
+            more_scales: self.scales[1..].iter().map(scale).collect(),
             histogram: self.histogram,
             ..Describe::default()
         }
     }
 
-    /// Short, for tables: `100+200 n10`.
+    /// Short, for tables: `100n10+200n50 open3d`.
     pub fn name(self) -> String {
-        let sizes: Vec<String> = self.neighbors.iter().map(usize::to_string).collect();
-        let normals = self.normals.map_or(String::new(), |k| format!(" n{k}"));
+        let scale = |&(k, normals): &(usize, Option<usize>)| {
+            format!("{k}{}", normals.map_or(String::new(), |normals| format!("n{normals}")))
+        };
+        let scales: Vec<String> = self.scales.iter().map(scale).collect();
         let histogram = match self.histogram {
             HistogramScale::Pcl => "",
             HistogramScale::Open3d => " open3d",
         };
-        format!("{}{normals}{histogram}", sizes.join("+"))
+        format!("{}{histogram}", scales.join("+"))
     }
 }
 
@@ -181,29 +183,33 @@ impl Place {
         normalize: Normalization::None,
     };
 
-    /// The best of the study: CF with descriptors of three sizes on sharp normals, an automatic
-    /// bandwidth and dual softmax.
+    /// The best of the study, [`Cf::multiscale`](crate::method::Cf::multiscale).
     pub const BEST: Place = Place {
-        points: Points::ALL[11],
+        points: Points::ALL[14],
         kernel: WeightScheme::Gaussian,
         beta: Bandwidth::Auto(Bandwidth::DEFAULT_SHARE),
         normalize: Normalization::Both,
     };
 
     /// From the paper's to the best, one choice at a time.
-    pub const STEPS: [Place; 5] = [
-        Place::PAPER,
-        Place { normalize: Normalization::Both, ..Place::PAPER },
-        Place { normalize: Normalization::Both, points: Points::ALL[8], ..Place::PAPER },
-        Place { normalize: Normalization::Both, points: Points::ALL[11], ..Place::PAPER },
-        Place::BEST,
-    ];
+    pub const STEPS: [Place; 6] = {
+        let normalized = Place { normalize: Normalization::Both, ..Place::PAPER };
+        let adapted = Place { beta: Place::BEST.beta, ..normalized };
+        [
+            Place::PAPER,
+            normalized,
+            adapted,
+            Place { points: Points::ALL[8], ..adapted },
+            Place { points: Points::ALL[10], ..adapted },
+            Place::BEST,
+        ]
+    };
 
     /// Every place of the grid, or a few of it.
     pub fn grid(few: bool) -> Vec<Place> {
         let mut places = vec![Place { kernel: WeightScheme::Uniform, ..Place::PAPER }];
         let (points, kernels) = match few {
-            true => ([0, 8, 11].map(|at| Points::ALL[at]).to_vec(), &KERNELS[..1]),
+            true => ([0, 8, 10, 14].map(|at| Points::ALL[at]).to_vec(), &KERNELS[..1]),
             false => (Points::ALL.to_vec(), &KERNELS[..]),
         };
         for &points in &points {
@@ -233,6 +239,7 @@ impl Place {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::method::Cf;
 
     #[test]
     fn places_have_names_of_their_own_and_the_two_that_matter_are_there() {
@@ -244,14 +251,15 @@ mod tests {
             assert_eq!(names.len(), grid.len());
             assert!(Place::STEPS.iter().all(|step| grid.contains(step)));
         }
-        assert_eq!(Place::BEST.name(), "100+200+400 n10 | gaussian | auto | both");
+        assert_eq!(Place::BEST.name(), "100n10+200n50+400n150 open3d | gaussian | auto | both");
     }
 
     #[test]
-    fn the_papers_place_is_the_default() {
-        let cf = crate::method::Cf::default();
-        assert_eq!(Place::PAPER.points.describe(), cf.describe);
-        assert_eq!(Place::PAPER.beta, cf.bandwidth());
-        assert_eq!((Place::PAPER.kernel, Place::PAPER.normalize), (cf.weights, cf.normalization));
+    fn the_papers_place_and_the_best_are_methods() {
+        for (place, cf) in [(Place::PAPER, Cf::default()), (Place::BEST, Cf::multiscale())] {
+            assert_eq!(place.points.describe(), cf.describe);
+            assert_eq!(place.beta, cf.bandwidth());
+            assert_eq!((place.kernel, place.normalize), (cf.weights, cf.normalization));
+        }
     }
 }

@@ -11,8 +11,8 @@ use crate::experiment::paper::cell::Shape;
 
 const LEGEND: &str = "# Weight schemes\n\n\
     Every scheme is one step: weights on the full connection from descriptors, one closed form. \
-    Named `sizes of neighbourhoods (nN: N nearest points for normals) | kernel | bandwidth | \
-    normalisation`; `150 | gaussian | 100 | none` is the paper's.\n";
+    Named `nearest points of each scale (nN: N for its normals) and whose histogram (PCL's if none \
+    is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's.\n";
 
 /// The study as tables; `few` and `many` are the trials of a condition in the two rounds.
 pub(super) fn markdown(study: &Study, few: usize, many: usize) -> String {
