@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use super::{Outcome, print, progress};
 use crate::error::Result;
 use crate::experiment::paper::{self, Options, cell::Test, tables};
+use crate::experiment::scaling::{self, Meter};
 use crate::par;
 
 #[derive(Args)]
@@ -37,28 +38,39 @@ enum Only {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
+    /// Time and memory over the number of points
+    Scaling,
 }
 
-impl From<Only> for Test {
-    fn from(only: Only) -> Test {
-        match only {
-            Only::Sensitivity => Test::Sensitivity,
-            Only::Robustness => Test::Robustness,
-            Only::Accuracy => Test::Accuracy,
+impl Only {
+    /// The test of the paper; `None` for what is none.
+    fn test(self) -> Option<Test> {
+        match self {
+            Only::Sensitivity => Some(Test::Sensitivity),
+            Only::Robustness => Some(Test::Robustness),
+            Only::Accuracy => Some(Test::Accuracy),
+            Only::Scaling => None,
         }
     }
 }
 
 impl Reproduce {
-    pub(super) fn run(&self) -> Result<Outcome> {
+    pub(super) fn run(&self, meter: Option<Meter>) -> Result<Outcome> {
         let named = || std::env::var_os("CFREG_DATA").map(PathBuf::from);
         let fetched = || Path::new("data/scans").to_path_buf();
-        let options = Options {
-            data: self.data.clone().or_else(named).unwrap_or_else(fetched),
-            output: self.output.clone(),
-            smoke: self.smoke,
-            only: self.only.map(Test::from),
-        };
+        let data = self.data.clone().or_else(named).unwrap_or_else(fetched);
+        let test = self.only.and_then(Only::test);
+        if self.only.is_none() || test.is_some() {
+            self.paper(data.clone(), test)?;
+        }
+        if matches!(self.only, None | Some(Only::Scaling)) {
+            self.scaling(data, meter)?;
+        }
+        Ok(Outcome::Trusted)
+    }
+
+    fn paper(&self, data: PathBuf, only: Option<Test>) -> Result<()> {
+        let options = Options { data, output: self.output.clone(), smoke: self.smoke, only };
         let bar = progress(1, "cells");
         let results = par::with_threads(self.threads, || {
             paper::run(&options, |done, all| {
@@ -67,7 +79,18 @@ impl Reproduce {
             })
         })??;
         bar.finish_and_clear();
-        print(&tables::markdown(&results))?;
-        Ok(Outcome::Trusted)
+        print(&tables::markdown(&results))
+    }
+
+    fn scaling(&self, data: PathBuf, meter: Option<Meter>) -> Result<()> {
+        let options = scaling::Options::new(data, self.output.clone(), self.smoke);
+        let bar = progress(1, "sizes");
+        let runs = scaling::run(&options, meter, |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        scaling::draw(&runs, &options.output)?;
+        print(&scaling::markdown(&runs))
     }
 }
