@@ -112,7 +112,7 @@ const READING: Reading = Reading::Fitting;
 pub fn run(
     options: &Options,
     meter: Option<Meter>,
-    progress: impl FnMut(usize, usize) + Send,
+    progress: impl FnMut(usize, usize),
 ) -> Result<Vec<Run>> {
     if !options.sizes.is_sorted_by(|a, b| a < b) {
         return Err(Error::config("sizes", format!("{:?}", options.sizes), "must grow"));
@@ -125,8 +125,7 @@ pub fn run(
     }
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
     let model = models::load(&options.data, Shape::Bunny, READING)?.model;
-    // One thread for all: one that still ends would free memory within the next run's count.
-    let runs = par::with_threads(1, || measured(options, &methods, &model, meter, progress))??;
+    let runs = measured(options, &methods, &model, meter, progress)?;
     table::write(&runs, &settings, &path)?;
     Ok(runs)
 }
@@ -146,7 +145,10 @@ fn measured(
             if beyond(options.limit, &before, points) {
                 break;
             }
-            before.push(measure(method, &pair(model, points)?, meter));
+            // A thread of its own: what libraries keep for a thread is in its count, and in no
+            // other's.
+            let trial = pair(model, points)?;
+            before.push(par::on_new_thread(|| measure(method, &trial, meter))?);
         }
         runs.extend(before);
     }
