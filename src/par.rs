@@ -39,6 +39,27 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     Ok(pool.install(work))
 }
 
+/// Runs `work` with its parallel loops on one new thread, which has ended when this returns,
+/// so that nothing is left of what libraries keep for a thread: [`with_threads`] lets its
+/// threads end later. For measuring.
+///
+/// # Errors
+/// [`Error::Config`] when the system gives no thread.
+pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+    let refused = |error: &dyn std::fmt::Display| Error::config("threads", 1, error.to_string());
+    std::thread::scope(|scope| {
+        let alone = || {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+            let pool = pool.build().map_err(|error| refused(&error))?;
+            Ok(pool.install(work))
+        };
+        let thread = std::thread::Builder::new()
+            .spawn_scoped(scope, alone)
+            .map_err(|error| refused(&error))?;
+        thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
 /// `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, which it
 /// may find used.
 pub fn map<S, T: Send>(
@@ -93,5 +114,23 @@ mod tests {
             assert_eq!(blocks, [0..4, 4..8, 8..10]);
         }
         assert!(map_blocks(0, 4, || (), |_, range| range).is_empty());
+    }
+
+    #[test]
+    fn a_new_thread_does_all_and_leaves_nothing() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        static LEFT: AtomicUsize = AtomicUsize::new(0);
+        struct Kept;
+        impl Drop for Kept {
+            fn drop(&mut self) {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+                LEFT.fetch_sub(1, Ordering::SeqCst);
+            }
+        }
+        thread_local!(static KEPT: Kept = { LEFT.fetch_add(1, Ordering::SeqCst); Kept });
+        let id = |_: &mut (), _| KEPT.with(|_| std::thread::current().id());
+        let ids = on_new_thread(|| map(100, || (), id)).unwrap();
+        assert!(ids.iter().all(|id| *id == ids[0] && *id != std::thread::current().id()));
+        assert_eq!(LEFT.load(Ordering::SeqCst), 0);
     }
 }

@@ -19,6 +19,7 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::{Error, Result};
+use crate::experiment::scaling::Meter;
 
 /// Rigid point-cloud registration without correspondences and without an initial guess.
 ///
@@ -57,8 +58,8 @@ enum Outcome {
     NoAnswer,
 }
 
-/// Runs the command line of this process.
-pub fn main() -> ExitCode {
+/// Runs the command line of this process; `meter` tells its memory.
+pub fn main(meter: Option<Meter>) -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Register(command) => command.run(),
         Command::Info(command) => command.run(),
@@ -66,7 +67,7 @@ pub fn main() -> ExitCode {
         Command::Evaluate(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Accuracy(command) => command.run(),
-        Command::Reproduce(command) => command.run(),
+        Command::Reproduce(command) => command.run(meter),
     };
     match outcome {
         Ok(Outcome::Trusted) => ExitCode::SUCCESS,

@@ -7,6 +7,8 @@ use clap::{Args, ValueEnum};
 use super::{Outcome, print, progress};
 use crate::error::Result;
 use crate::experiment::paper::{self, Options, cell::Test, tables};
+use crate::experiment::scaling::{self, Meter};
+use crate::experiment::study;
 use crate::par;
 
 #[derive(Args)]
@@ -20,8 +22,8 @@ pub(super) struct Reproduce {
     /// Few trials, in a minute
     #[arg(long)]
     smoke: bool,
-    /// This test alone
-    #[arg(long, value_name = "TEST")]
+    /// This part alone
+    #[arg(long, value_name = "PART")]
     only: Option<Only>,
     /// Register nothing: write the pairs of Tables I and II to this folder, as arrays that
     /// numpy.load reads, for other programs to register
@@ -32,8 +34,8 @@ pub(super) struct Reproduce {
     threads: usize,
 }
 
-/// Tests by the names that are typed.
-#[derive(Clone, Copy, ValueEnum)]
+/// Parts by the names that are typed.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Only {
     /// Noise (section IV-B)
     Sensitivity,
@@ -41,41 +43,87 @@ enum Only {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
+    /// The study of weight schemes
+    Weights,
+    /// Time and memory over the number of points
+    Scaling,
 }
 
-impl From<Only> for Test {
-    fn from(only: Only) -> Test {
-        match only {
-            Only::Sensitivity => Test::Sensitivity,
-            Only::Robustness => Test::Robustness,
-            Only::Accuracy => Test::Accuracy,
+impl Only {
+    /// The test of the paper; `None` for what is none.
+    fn test(self) -> Option<Test> {
+        match self {
+            Only::Sensitivity => Some(Test::Sensitivity),
+            Only::Robustness => Some(Test::Robustness),
+            Only::Accuracy => Some(Test::Accuracy),
+            Only::Weights | Only::Scaling => None,
         }
     }
 }
 
 impl Reproduce {
-    pub(super) fn run(&self) -> Result<Outcome> {
+    pub(super) fn run(&self, meter: Option<Meter>) -> Result<Outcome> {
         let named = || std::env::var_os("CFREG_DATA").map(PathBuf::from);
         let fetched = || Path::new("data/scans").to_path_buf();
-        let options = Options {
-            data: self.data.clone().or_else(named).unwrap_or_else(fetched),
-            output: self.output.clone(),
-            smoke: self.smoke,
-            only: self.only.map(Test::from),
-        };
+        let data = self.data.clone().or_else(named).unwrap_or_else(fetched);
+        let test = self.only.and_then(Only::test);
         if let Some(folder) = &self.pairs {
-            paper::pairs::write(&options, folder)?;
+            paper::pairs::write(&self.options(data, test), folder)?;
             return Ok(Outcome::Trusted);
         }
+        let wanted = |part| self.only.is_none_or(|only| only == part);
+        if self.only.is_none() || test.is_some() {
+            self.paper(&self.options(data.clone(), test))?;
+        }
+        if wanted(Only::Weights) {
+            self.weights(&data)?;
+        }
+        if wanted(Only::Scaling) {
+            self.scaling(data, meter)?;
+        }
+        Ok(Outcome::Trusted)
+    }
+
+    fn options(&self, data: PathBuf, only: Option<Test>) -> Options {
+        Options { data, output: self.output.clone(), smoke: self.smoke, only }
+    }
+
+    fn paper(&self, options: &Options) -> Result<()> {
         let bar = progress(1, "cells");
         let results = par::with_threads(self.threads, || {
-            paper::run(&options, |done, all| {
+            paper::run(options, |done, all| {
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             })
         })??;
         bar.finish_and_clear();
-        print(&tables::markdown(&results))?;
-        Ok(Outcome::Trusted)
+        print(&tables::markdown(&results))
+    }
+
+    fn weights(&self, data: &Path) -> Result<()> {
+        let output = self.output.join("weights");
+        let options = study::Options { output, smoke: self.smoke, own: Vec::new() };
+        let scenes = study::Scenes::load(data)?;
+        let bar = progress(1, "conditions");
+        let study = par::with_threads(self.threads, || {
+            study::run(&options, &scenes, |done, all| {
+                bar.set_length(all as u64);
+                bar.set_position(done as u64);
+            })
+        })??;
+        bar.finish_and_clear();
+        print(&study.markdown())
+    }
+
+    fn scaling(&self, data: PathBuf, meter: Option<Meter>) -> Result<()> {
+        let options = scaling::Options::new(data, self.output.clone(), self.smoke);
+        let bar = progress(1, "sizes");
+        let runs = scaling::run(&options, meter, |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        scaling::draw(&runs, &options.output)?;
+        print(&scaling::markdown(&runs))
     }
 }

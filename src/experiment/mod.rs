@@ -9,6 +9,8 @@ mod motion;
 #[cfg(feature = "figures")]
 pub mod paper;
 pub mod protocol;
+#[cfg(feature = "figures")]
+pub mod scaling;
 pub mod shape;
 #[cfg(feature = "figures")]
 mod sheet;

@@ -135,7 +135,7 @@ fn number(value: f64, power: i32) -> String {
     match power {
         // Adding zero turns -0 into 0.
         -4..0 => format!("{:.*}", power.unsigned_abs() as usize, value + 0.0),
-        0..6 => format!("{:.0}", value + 0.0),
+        0..5 => format!("{:.0}", value + 0.0),
         _ if value == 0.0 => "0".into(),
         _ => {
             let digits = value.abs().log10().floor() as i32 - power;
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(labels(&[2e8], false), ["0", "5e7", "1.0e8", "1.5e8", "2.0e8"]);
         assert_eq!(labels(&[500.0, 2e3], true), ["500", "1000", "2000"]);
         assert_eq!(labels(&[0.0, -1.0, 0.02, 200.0], true).join(" "), "0.03 0.1 0.3 1 3 10 30 100");
-        assert_eq!(labels(&[1e-9, 1e7], true), ["1e-5", "1", "100000"]);
+        assert_eq!(labels(&[1e-9, 1e7], true), ["1e-5", "1", "1e5"]);
     }
 
     #[test]

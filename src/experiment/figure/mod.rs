@@ -87,8 +87,8 @@ pub struct Curve {
     pub guide: bool,
 }
 
-/// Colours that are told apart by most eyes (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 8] = [
+/// Colours that are told apart by most eyes (Okabe and Ito 2008), a grey and a violet.
+const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -97,6 +97,7 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
     RGBColor(120, 120, 120),
+    RGBColor(110, 50, 160),
 ];
 const FONT: &str = "sans-serif";
 

@@ -50,6 +50,15 @@ pub struct Study {
     pub standings: Vec<Standing>,
     /// Their trials by condition, trial by trial.
     pub finals: Vec<(Condition, Vec<Outcome>)>,
+    /// Trials of a condition in the screening, and in the finals.
+    pub trials: [usize; 2],
+}
+
+impl Study {
+    /// The ranking, the errors behind it, and what each choice is worth, as tables.
+    pub fn markdown(&self) -> String {
+        tables::markdown(self)
+    }
 }
 
 /// Points of a cloud, as in the paper's tests.
@@ -119,9 +128,9 @@ pub fn run(
         .collect();
     // The paper's scheme is always the first finalist.
     let standings = ranking::standings(&names, 0, &errors);
-    let study = Study { screened, standings, finals };
+    let study = Study { screened, standings, finals, trials: [few, many] };
     let ranking = options.output.join("ranking.md");
-    io::write_bytes(&ranking, tables::markdown(&study, few, many).as_bytes())?;
+    io::write_bytes(&ranking, study.markdown().as_bytes())?;
     pictures::draw(&study, &options.output)?;
     Ok(study)
 }

@@ -14,9 +14,10 @@ const LEGEND: &str = "# Weight schemes\n\n\
     Named `nearest points of each scale (nN: N for its normals) and whose histogram (PCL's if none \
     is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's.\n";
 
-/// The study as tables; `few` and `many` are the trials of a condition in the two rounds.
-pub(super) fn markdown(study: &Study, few: usize, many: usize) -> String {
+/// The study as tables.
+pub(super) fn markdown(study: &Study) -> String {
     let mut text = String::from(LEGEND);
+    let [few, many] = study.trials;
     let conditions: Vec<Condition> = study.finals.iter().map(|(condition, _)| *condition).collect();
     let places = study.screened.len() / conditions.len().max(1);
     let small = if many < 30 { " A check that all runs, not a measurement." } else { "" };
