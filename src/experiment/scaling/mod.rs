@@ -7,7 +7,6 @@
 
 mod growth;
 mod report;
-mod table;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -20,14 +19,14 @@ pub use report::{draw, markdown};
 use super::paper::cell::{Reading, Shape};
 use super::paper::models;
 use super::protocol::{Draw, Protocol, Trial};
-use super::{Model, Motion};
+use super::{Model, Motion, sheet};
 use crate::error::{Error, Result};
 use crate::method::{Method, Register, Registration};
 use crate::par;
 
 /// What is run, by the names `--method` takes.
-pub const METHODS: [&str; 9] =
-    ["cf", "cfk", "icp", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
+pub const METHODS: [&str; 10] =
+    ["cf", "cf-multiscale", "cfk", "icp", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
 
 /// How far it goes, and where the results go.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,6 +97,24 @@ pub struct Run {
     pub error: String,
 }
 
+/// All that runs depend on but the machine: the first line of the file.
+#[derive(Serialize)]
+struct Settings<'a> {
+    shape: Shape,
+    reading: Reading,
+    motion: Motion,
+    seed: u64,
+    sizes: &'a [usize],
+    limit: Limit,
+    memory: bool,
+    version: &'static str,
+    methods: &'a [Method],
+    remark: &'static str,
+}
+
+const REMARK: &str =
+    "seconds are of one machine and one day: another run has others, and may stop at other sizes";
+
 const SEED: u64 = 2020;
 const MOTION: Motion = Motion::Small;
 const READING: Reading = Reading::Fitting;
@@ -119,14 +136,25 @@ pub fn run(
     }
     let path = options.output.join("scaling.csv");
     let methods: Vec<Method> = METHODS.iter().map(|name| name.parse()).collect::<Result<_>>()?;
-    let settings = table::settings(options, &methods, meter.is_some());
-    if let Some(runs) = table::read(&path, &settings) {
+    let settings = Settings {
+        shape: Shape::Bunny,
+        reading: READING,
+        motion: MOTION,
+        seed: SEED,
+        sizes: &options.sizes,
+        limit: options.limit,
+        memory: meter.is_some(),
+        version: env!("CARGO_PKG_VERSION"),
+        methods: &methods,
+        remark: REMARK,
+    };
+    if let Some(runs) = sheet::read(&path, &settings) {
         return Ok(runs);
     }
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
     let model = models::load(&options.data, Shape::Bunny, READING)?.model;
     let runs = measured(options, &methods, &model, meter, progress)?;
-    table::write(&runs, &settings, &path)?;
+    sheet::write(&path, &settings, &runs)?;
     Ok(runs)
 }
 
@@ -138,7 +166,7 @@ fn measured(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Vec<Run>> {
     let (mut runs, each) = (Vec::new(), options.sizes.len());
-    for (k, method) in methods.iter().enumerate() {
+    for (k, (&name, method)) in METHODS.iter().zip(methods).enumerate() {
         let mut before: Vec<Run> = Vec::new();
         for (j, &points) in options.sizes.iter().enumerate() {
             progress(k * each + j, methods.len() * each);
@@ -148,7 +176,7 @@ fn measured(
             // A thread of its own: what libraries keep for a thread is in its count, and in no
             // other's.
             let trial = pair(model, points)?;
-            before.push(par::on_new_thread(|| measure(method, &trial, meter))?);
+            before.push(par::on_new_thread(|| measure(name, method, &trial, meter))?);
         }
         runs.extend(before);
     }
@@ -186,7 +214,7 @@ const SHORT: f64 = 0.5;
 const REPEATS: usize = 5;
 
 /// On the threads it is called from.
-fn measure(method: &Method, trial: &Trial, meter: Option<Meter>) -> Run {
+fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> Run {
     let timed = || {
         let start = Instant::now();
         let found = method.register(&trial.source, &trial.target);
@@ -208,7 +236,7 @@ fn measure(method: &Method, trial: &Trial, meter: Option<Meter>) -> Run {
     }
     let (seconds, found) = least;
     let run = Run {
-        method: method.name().to_string(),
+        method: name.into(),
         points: trial.source.len(),
         seconds,
         bytes,
@@ -266,12 +294,12 @@ mod tests {
         let model = crate::experiment::shape::boulder().into();
         let trial = pair(&model, 300).unwrap();
         let meter = Meter { start: || 1000, peak: || 5000 };
-        let found = measure(&"icp".parse().unwrap(), &trial, Some(meter));
+        let found = measure("icp", &"icp".parse().unwrap(), &trial, Some(meter));
         assert_eq!((found.method.as_str(), found.points, found.bytes), ("icp", 300, Some(4000)));
         assert!(found.seconds > 0.0 && found.trusted && found.rotation_deg.unwrap() < 5.0);
         assert!(found.stages.contains("evaluate "), "{}", found.stages);
         let few = pair(&model, 3).unwrap();
-        let none = measure(&"cfk".parse().unwrap(), &few, None);
+        let none = measure("cfk", &"cfk".parse().unwrap(), &few, None);
         assert!(none.bytes.is_none() && none.rotation_deg.is_none() && !none.error.is_empty());
     }
 }

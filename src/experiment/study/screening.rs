@@ -45,8 +45,10 @@ pub(super) fn run(
 ) -> Result<Vec<Screened>> {
     let path = folder.join(format!("screening_{}.csv", draws.condition.stem()));
     let maker = ("screening", draws, env!("CARGO_PKG_VERSION"));
-    let same = |rows: &Vec<Screened>| rows.iter().zip(grid).all(|(row, at)| row.scheme == at.name);
-    if let Some(known) = sheet::read(&path, &maker, grid.len()).filter(same) {
+    let same = |rows: &Vec<Screened>| {
+        rows.len() == grid.len() && rows.iter().zip(grid).all(|(row, at)| row.scheme == at.name)
+    };
+    if let Some(known) = sheet::read(&path, &maker).filter(same) {
         return Ok(known);
     }
     let entrants: Vec<Entrant<'_>> = grid.iter().map(Entrant::Scheme).collect();
