@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::{Outcome, print, progress};
+use super::{Outcome, print, progress, say};
 use crate::error::Result;
-use crate::experiment::paper::{self, Options, cell::Test, tables};
+use crate::experiment::paper::{self, Options, Part, cell::Test, readings, tables};
 use crate::par;
 
 #[derive(Args)]
@@ -20,15 +20,15 @@ pub(super) struct Reproduce {
     /// Few trials, in a minute
     #[arg(long)]
     smoke: bool,
-    /// This test alone
-    #[arg(long, value_name = "TEST")]
+    /// This part alone
+    #[arg(long, value_name = "PART")]
     only: Option<Only>,
     /// Threads, 0 for all cores; never changes the result
     #[arg(long, value_name = "T", default_value_t = 0, allow_negative_numbers = true)]
     threads: usize,
 }
 
-/// Tests by the names that are typed.
+/// Parts by the names that are typed.
 #[derive(Clone, Copy, ValueEnum)]
 enum Only {
     /// Noise (section IV-B)
@@ -37,14 +37,17 @@ enum Only {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
+    /// The tests by each choice that the paper leaves
+    Readings,
 }
 
-impl From<Only> for Test {
-    fn from(only: Only) -> Test {
+impl From<Only> for Part {
+    fn from(only: Only) -> Part {
         match only {
-            Only::Sensitivity => Test::Sensitivity,
-            Only::Robustness => Test::Robustness,
-            Only::Accuracy => Test::Accuracy,
+            Only::Sensitivity => Part::Test(Test::Sensitivity),
+            Only::Robustness => Part::Test(Test::Robustness),
+            Only::Accuracy => Part::Test(Test::Accuracy),
+            Only::Readings => Part::Readings,
         }
     }
 }
@@ -57,17 +60,23 @@ impl Reproduce {
             data: self.data.clone().or_else(named).unwrap_or_else(fetched),
             output: self.output.clone(),
             smoke: self.smoke,
-            only: self.only.map(Test::from),
+            only: self.only.map(Part::from),
         };
         let bar = progress(1, "cells");
-        let results = par::with_threads(self.threads, || {
+        let done = par::with_threads(self.threads, || {
             paper::run(&options, |done, all| {
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             })
         })??;
         bar.finish_and_clear();
-        print(&tables::markdown(&results))?;
+        for line in &done.left_out {
+            say(&format!("cfreg: {line}\n"));
+        }
+        match options.only {
+            Some(Part::Readings) => print(&readings::markdown(&done.results))?,
+            _ => print(&tables::markdown(&done.results))?,
+        }
         Ok(Outcome::Trusted)
     }
 }

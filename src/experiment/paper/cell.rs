@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::super::protocol::{Protocol, Viewpoint};
+use super::variation::Variation;
 use crate::experiment::Motion;
 use crate::method::{Cf, Cfk, Cpd, Dare, Icp, Method, Teaser};
 use crate::weight::Normalization;
@@ -175,18 +176,34 @@ pub struct Cell {
     pub noise: u32,
     /// How many trials.
     pub trials: usize,
+    /// What is changed for the table of readings; `None` in the paper's own tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variation: Option<Variation>,
 }
 
 impl Cell {
+    /// The contender's method, as varied.
+    pub fn method(&self) -> Method {
+        let method = self.contender.method();
+        self.variation.map_or(method.clone(), |variation| variation.method(method))
+    }
+
+    /// Where normals look.
+    pub fn viewpoint(&self) -> Viewpoint {
+        let viewpoint = self.reading.viewpoint();
+        self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
+    }
+
     /// What a trial of it is made by.
     pub fn protocol(&self) -> Protocol {
-        match self.test {
+        let protocol = match self.test {
             Test::Sensitivity => Protocol::Sensitivity { sigma: 1e-4 * f64::from(self.noise) },
             Test::Robustness => {
                 Protocol::Robustness { outliers: 100, radius: self.reading.radius() }
             }
             Test::Accuracy => Protocol::Accuracy,
-        }
+        };
+        self.variation.map_or(protocol, |variation| variation.protocol(protocol))
     }
 
     /// A name for files.
@@ -197,13 +214,14 @@ impl Cell {
             Test::Accuracy => "accuracy".into(),
         };
         let contender = self.contender.to_string().replace(' ', "-");
-        let words = [
+        let mut words = vec![
             test,
             self.reading.to_string(),
             self.shape.to_string(),
             self.motion.to_string(),
             contender,
         ];
+        words.extend(self.variation.map(|variation| variation.to_string()));
         words.join("_").to_lowercase()
     }
 }
@@ -215,7 +233,17 @@ pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
     let mut add = |test, reading, shape, noise, trials| {
         for motion in [Motion::Small, Motion::Large] {
             for contender in Contender::ALL {
-                cells.push(Cell { test, reading, shape, motion, contender, noise, trials });
+                let variation = None;
+                cells.push(Cell {
+                    test,
+                    reading,
+                    shape,
+                    motion,
+                    contender,
+                    noise,
+                    trials,
+                    variation,
+                });
             }
         }
     };
