@@ -66,15 +66,25 @@ fn what_is_there_is_run_and_the_rest_is_named() {
     let (bunny, output) = (folder.path().join("scans"), folder.path().join("results"));
     fs::create_dir(&bunny).unwrap();
     fs::copy(data.join("stanford_bunny/bun000.ply"), bunny.join("bun000.ply")).unwrap();
-    let only = Some(Part::Readings);
-    let options = Options { data: bunny.clone(), output: output.clone(), smoke: true, only };
+    let only = Some(Part::Test(Test::Accuracy));
+    let options = Options { data: bunny, output, smoke: true, only };
     let done = run(&options, |_, _| {}).unwrap();
     assert!(done.results.values().all(|(cell, _)| cell.shape == Shape::Bunny));
     assert!(done.left_out.iter().any(|line| line.contains("Armadillo left out")));
     assert!(done.left_out.iter().any(|line| line.contains("Armadillo.ply.gz")), "{done:?}");
+}
+
+#[test]
+fn the_table_of_readings_goes_on_from_what_is_there() {
+    let Some(data) = common::shared_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().to_path_buf();
+    let options = Options { data, output: output.clone(), smoke: true, only: Some(Part::Readings) };
+    let done = run(&options, |_, _| {}).unwrap();
+    assert!(done.left_out.is_empty() && !done.results.is_empty());
     let table = fs::read_to_string(output.join("readings.md")).unwrap();
     assert!(table.contains("## TEASER's noise bound") && table.contains("not run"), "{table}");
-    // Goes on from what is there.
+    assert!(!output.join("tables.md").exists());
     let before = files(&output.join("trials"));
     assert_eq!(run(&options, |_, _| {}).unwrap(), done);
     assert_eq!(files(&output.join("trials")), before);
