@@ -8,7 +8,11 @@ use std::fs;
 use std::path::Path;
 
 use cfreg::Error;
-use cfreg::experiment::paper::{Options, cell::Test, pairs, run};
+use cfreg::experiment::paper::{
+    Options, Part,
+    cell::{Shape, Test},
+    pairs, run,
+};
 
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
@@ -22,10 +26,10 @@ fn a_smoke_run_is_whole_and_goes_on_where_it_was_cut() {
     let Some(data) = common::shared_data() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().to_path_buf();
-    let options = Options { data, output, smoke: true, only: Some(Test::Robustness) };
-    let results = run(&options, |_, _| {}).unwrap();
-    // Three readings, two motions, seven contenders.
-    assert_eq!(results.len(), 42);
+    let options = Options { data, output, smoke: true, only: Some(Part::Test(Test::Robustness)) };
+    let results = run(&options, |_, _| {}).unwrap().results;
+    // Three readings, two motions, eight contenders.
+    assert_eq!(results.len(), 48);
     let answered = results.values().filter(|(_, trials)| trials.failures() == 0).count();
     assert!(answered >= 40, "{answered}");
     let (first, trials) = (files(&options.output), files(&options.output.join("trials")));
@@ -67,9 +71,41 @@ fn pairs_are_written_once_for_all_contenders() {
 fn missing_scans_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let (data, output) = (folder.path().join("nowhere"), folder.path().join("results"));
-    let options = Options { data, output, smoke: true, only: None };
+    let options = Options { data, output: output.clone(), smoke: true, only: None };
     match run(&options, |_, _| {}) {
         Err(error @ Error::Io { .. }) => assert!(error.to_string().contains("bun000.ply")),
         other => panic!("{other:?}"),
     }
+    assert!(!output.exists());
+}
+
+#[test]
+fn what_is_there_is_run_and_the_rest_is_named() {
+    let Some(data) = common::shared_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (bunny, output) = (folder.path().join("scans"), folder.path().join("results"));
+    fs::create_dir(&bunny).unwrap();
+    fs::copy(data.join("stanford_bunny/bun000.ply"), bunny.join("bun000.ply")).unwrap();
+    let only = Some(Part::Test(Test::Accuracy));
+    let options = Options { data: bunny, output, smoke: true, only };
+    let done = run(&options, |_, _| {}).unwrap();
+    assert!(done.results.values().all(|(cell, _)| cell.shape == Shape::Bunny));
+    assert!(done.left_out.iter().any(|line| line.contains("Armadillo left out")));
+    assert!(done.left_out.iter().any(|line| line.contains("Armadillo.ply.gz")), "{done:?}");
+}
+
+#[test]
+fn the_table_of_readings_goes_on_from_what_is_there() {
+    let Some(data) = common::shared_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().to_path_buf();
+    let options = Options { data, output: output.clone(), smoke: true, only: Some(Part::Readings) };
+    let done = run(&options, |_, _| {}).unwrap();
+    assert!(done.left_out.is_empty() && !done.results.is_empty());
+    let table = fs::read_to_string(output.join("readings.md")).unwrap();
+    assert!(table.contains("## TEASER's noise bound") && table.contains("not run"), "{table}");
+    assert!(!output.join("tables.md").exists());
+    let before = files(&output.join("trials"));
+    assert_eq!(run(&options, |_, _| {}).unwrap(), done);
+    assert_eq!(files(&output.join("trials")), before);
 }

@@ -23,7 +23,7 @@ from pathlib import Path
 from paper_peers import pairs, table, trials
 from paper_peers.contenders import installed
 
-OURS = {"CF": "cf", "CF, dual softmax": "cf-both", "TEASER": "teaser"}
+OURS = {"CF": "cf", "CF, dual softmax": "cf-both", "CF multiscale": "cf-multiscale", "TEASER": "teaser"}
 """Rows of this crate and how its files call them."""
 
 

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::{Outcome, print, progress};
+use super::{Outcome, print, progress, say};
 use crate::error::Result;
-use crate::experiment::paper::{self, Options, cell::Test, tables};
+use crate::experiment::paper::{self, Options, Part, cell::Test, readings, tables};
 use crate::experiment::scaling::{self, Meter};
 use crate::experiment::study;
 use crate::par;
@@ -43,6 +43,8 @@ enum Only {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
+    /// The tests by each choice that the paper leaves
+    Readings,
     /// The study of weight schemes
     Weights,
     /// Time and memory over the number of points
@@ -50,12 +52,13 @@ enum Only {
 }
 
 impl Only {
-    /// The test of the paper; `None` for what is none.
-    fn test(self) -> Option<Test> {
+    /// The part of the paper; `None` for what is none.
+    fn part(self) -> Option<Part> {
         match self {
-            Only::Sensitivity => Some(Test::Sensitivity),
-            Only::Robustness => Some(Test::Robustness),
-            Only::Accuracy => Some(Test::Accuracy),
+            Only::Sensitivity => Some(Part::Test(Test::Sensitivity)),
+            Only::Robustness => Some(Part::Test(Test::Robustness)),
+            Only::Accuracy => Some(Part::Test(Test::Accuracy)),
+            Only::Readings => Some(Part::Readings),
             Only::Weights | Only::Scaling => None,
         }
     }
@@ -66,14 +69,14 @@ impl Reproduce {
         let named = || std::env::var_os("CFREG_DATA").map(PathBuf::from);
         let fetched = || Path::new("data/scans").to_path_buf();
         let data = self.data.clone().or_else(named).unwrap_or_else(fetched);
-        let test = self.only.and_then(Only::test);
+        let part = self.only.and_then(Only::part);
         if let Some(folder) = &self.pairs {
-            paper::pairs::write(&self.options(data, test), folder)?;
+            paper::pairs::write(&self.options(data, part), folder)?;
             return Ok(Outcome::Trusted);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
-        if self.only.is_none() || test.is_some() {
-            self.paper(&self.options(data.clone(), test))?;
+        if self.only.is_none() || part.is_some() {
+            self.paper(&self.options(data.clone(), part))?;
         }
         if wanted(Only::Weights) {
             self.weights(&data)?;
@@ -84,20 +87,26 @@ impl Reproduce {
         Ok(Outcome::Trusted)
     }
 
-    fn options(&self, data: PathBuf, only: Option<Test>) -> Options {
+    fn options(&self, data: PathBuf, only: Option<Part>) -> Options {
         Options { data, output: self.output.clone(), smoke: self.smoke, only }
     }
 
     fn paper(&self, options: &Options) -> Result<()> {
         let bar = progress(1, "cells");
-        let results = par::with_threads(self.threads, || {
+        let done = par::with_threads(self.threads, || {
             paper::run(options, |done, all| {
                 bar.set_length(all as u64);
                 bar.set_position(done as u64);
             })
         })??;
         bar.finish_and_clear();
-        print(&tables::markdown(&results))
+        for line in &done.left_out {
+            say(&format!("cfreg: {line}\n"));
+        }
+        match options.only {
+            Some(Part::Readings) => print(&readings::markdown(&done.results)),
+            _ => print(&tables::markdown(&done.results)),
+        }
     }
 
     fn weights(&self, data: &Path) -> Result<()> {

@@ -23,6 +23,9 @@ pub enum Motion {
 }
 
 impl Motion {
+    /// In the order of the paper's tables.
+    pub const ALL: [Motion; 2] = [Motion::Small, Motion::Large];
+
     /// Draws a motion for a model with this centroid.
     pub fn draw(self, center: Vec3, rng: &mut ChaCha8Rng) -> Transform {
         let half = self.half();

@@ -33,7 +33,7 @@ pub enum Protocol {
 }
 
 /// Where the normals of a trial look.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Viewpoint {
     /// At the origin of the frame, in both clouds: what PCL does unless told otherwise.
@@ -41,6 +41,10 @@ pub enum Viewpoint {
     Origin,
     /// At the origin of the model's frame, which moves along with the target.
     Along,
+    /// At the model's centroid, as in a frame that was centred first; it moves along.
+    Centroid,
+    /// At this place in the model's frame; it moves along.
+    At(Vec3),
 }
 
 /// Which trial it is.
@@ -74,7 +78,7 @@ impl Protocol {
     ///
     /// # Errors
     /// [`Error::Config`] for fewer than three points, or noise or a radius that is negative
-    /// or not finite; those of [`Model::sample`].
+    /// or not finite, or a viewpoint that is not; those of [`Model::sample`].
     pub fn trial(&self, model: &Model, draw: Draw) -> Result<Trial> {
         self.validate()?;
         if draw.points < 3 {
@@ -102,9 +106,15 @@ impl Protocol {
                 PointCloud::new(&source.positions().chain(more).collect::<Vec<Vec3>>())?
             }
         };
-        if draw.viewpoint == Viewpoint::Along {
-            source = source.with_viewpoint([0.0; 3])?;
-            target = target.with_viewpoint([0.0; 3])?;
+        let viewpoint = match draw.viewpoint {
+            Viewpoint::Origin => None,
+            Viewpoint::Along => Some([0.0; 3]),
+            Viewpoint::Centroid => Some(center),
+            Viewpoint::At(place) => Some(place),
+        };
+        if let Some(viewpoint) = viewpoint {
+            source = source.with_viewpoint(viewpoint)?;
+            target = target.with_viewpoint(viewpoint)?;
         }
         Ok(Trial { source, target: target.transformed(&truth)?, truth })
     }
@@ -222,6 +232,32 @@ mod tests {
         off.translation[1] += 0.25;
         assert!((made.average_shift(&off) - 0.25).abs() < 1e-12);
         assert!(made.error(&off).rotation_deg == 0.0);
+    }
+
+    #[test]
+    fn a_viewpoint_that_moves_along_is_the_same_place_of_the_model() {
+        let model = Model::from(boulder());
+        let viewpoints = |viewpoint| {
+            let made =
+                Protocol::Accuracy.trial(&model, Draw { viewpoint, ..draw(Motion::Small, 2) });
+            let made = made.unwrap();
+            let back = made.truth.inverse();
+            (made.source.viewpoint(), made.target.viewpoint().map(|place| back.apply(place)))
+        };
+        assert_eq!(viewpoints(Viewpoint::Origin), (None, None));
+        let place = [0.3, -4.0, 0.5];
+        for (viewpoint, want) in [
+            (Viewpoint::Along, [0.0; 3]),
+            (Viewpoint::Centroid, model.centroid()),
+            (Viewpoint::At(place), place),
+        ] {
+            let (source, target) = viewpoints(viewpoint);
+            assert_eq!(source, Some(want));
+            assert!(math::norm(math::sub(target.unwrap(), want)) < 1e-12, "{viewpoint:?}");
+        }
+        let nowhere = Draw { viewpoint: Viewpoint::At([f64::NAN; 3]), ..draw(Motion::Small, 0) };
+        let refused = Protocol::Accuracy.trial(&model, nowhere);
+        assert!(matches!(refused, Err(Error::Config { field: "viewpoint", .. })));
     }
 
     #[test]

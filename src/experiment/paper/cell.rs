@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::super::protocol::{Protocol, Viewpoint};
+use super::variation::Variation;
 use crate::experiment::Motion;
 use crate::method::{Cf, Cfk, Cpd, Dare, Icp, Method, Teaser};
 use crate::weight::Normalization;
@@ -28,11 +29,13 @@ pub enum Contender {
     Cfk,
     /// Not of the paper: CF with dual softmax, still one step.
     CfBoth,
+    /// Not of the paper: [`Cf::multiscale`], the best of the study of weights, still one step.
+    CfMultiscale,
 }
 
 impl Contender {
     /// Those of the paper, in the order of its tables, then ours.
-    pub const ALL: [Contender; 7] = [
+    pub const ALL: [Contender; 8] = [
         Contender::Icp,
         Contender::Cpd,
         Contender::Dare,
@@ -40,6 +43,7 @@ impl Contender {
         Contender::Cf,
         Contender::Cfk,
         Contender::CfBoth,
+        Contender::CfMultiscale,
     ];
 
     /// The method with its settings.
@@ -56,6 +60,7 @@ impl Contender {
             Contender::CfBoth => {
                 Method::Cf(Cf { normalization: Normalization::Both, ..Cf::default() })
             }
+            Contender::CfMultiscale => Method::Cf(Cf::multiscale()),
         }
     }
 }
@@ -70,6 +75,7 @@ impl fmt::Display for Contender {
             Contender::Cf => "CF",
             Contender::Cfk => "CFK",
             Contender::CfBoth => "CF both",
+            Contender::CfMultiscale => "CF multiscale",
         })
     }
 }
@@ -175,24 +181,42 @@ pub struct Cell {
     pub noise: u32,
     /// How many trials.
     pub trials: usize,
+    /// What is changed for the table of readings; `None` in the paper's own tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variation: Option<Variation>,
 }
 
 impl Cell {
+    /// The contender's method, as varied.
+    pub fn method(&self) -> Method {
+        let method = self.contender.method();
+        self.variation.map_or(method.clone(), |variation| variation.method(method))
+    }
+
+    /// Where normals look.
+    pub fn viewpoint(&self) -> Viewpoint {
+        let viewpoint = self.reading.viewpoint();
+        self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
+    }
+
     /// What a trial of it is made by.
     pub fn protocol(&self) -> Protocol {
-        match self.test {
+        let protocol = match self.test {
             Test::Sensitivity => Protocol::Sensitivity { sigma: 1e-4 * f64::from(self.noise) },
             Test::Robustness => {
                 Protocol::Robustness { outliers: 100, radius: self.reading.radius() }
             }
             Test::Accuracy => Protocol::Accuracy,
-        }
+        };
+        self.variation.map_or(protocol, |variation| variation.protocol(protocol))
     }
 
     /// A name for files.
     pub fn name(&self) -> String {
-        let contender = self.contender.to_string().replace(' ', "-");
-        format!("{}_{contender}", self.trials_name()).to_lowercase()
+        let mut words =
+            vec![self.trials_name(), self.contender.to_string().replace(' ', "-").to_lowercase()];
+        words.extend(self.variation.map(|variation| variation.to_string()));
+        words.join("_")
     }
 
     /// A name for the pairs that all contenders are given.
@@ -215,7 +239,17 @@ pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
     let mut add = |test, reading, shape, noise, trials| {
         for motion in [Motion::Small, Motion::Large] {
             for contender in Contender::ALL {
-                cells.push(Cell { test, reading, shape, motion, contender, noise, trials });
+                let variation = None;
+                cells.push(Cell {
+                    test,
+                    reading,
+                    shape,
+                    motion,
+                    contender,
+                    noise,
+                    trials,
+                    variation,
+                });
             }
         }
     };

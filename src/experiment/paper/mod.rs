@@ -1,5 +1,5 @@
 //! The paper's experiments (section IV), run again: every trial as CSV, Tables I and II
-//! beside the printed ones.
+//! beside the printed ones, and what becomes of them by each choice that the paper leaves.
 
 pub mod cell;
 mod lecture;
@@ -7,11 +7,12 @@ pub mod models;
 pub mod pairs;
 mod pictures;
 pub mod printed;
+pub mod readings;
 mod record;
 pub mod tables;
+pub mod variation;
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 pub use record::{Record, Trials};
@@ -32,34 +33,69 @@ pub struct Options {
     pub output: PathBuf,
     /// A few trials only, in a minute.
     pub smoke: bool,
-    /// This test alone.
-    pub only: Option<Test>,
+    /// This part alone.
+    pub only: Option<Part>,
 }
 
-/// Runs the experiments; `progress` is told how many cells of how many are done.
+/// A part of the experiments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A test of section IV, as the paper has it.
+    Test(Test),
+    /// The tests by each choice that the paper leaves ([`readings`]).
+    Readings,
+}
+
+impl Part {
+    fn has(self, cell: &Cell) -> bool {
+        match self {
+            Part::Test(test) => cell.variation.is_none() && cell.test == test,
+            Part::Readings => cell.variation.is_some(),
+        }
+    }
+}
+
+/// What came of the experiments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// All trials.
+    pub results: Results,
+    /// A line for each model that was not there, and so was left out: which, and how to get it.
+    pub left_out: Vec<String>,
+}
+
+/// Trials of a cell in the tables, under noise and in the table of readings, and levels of
+/// noise.
+fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
+    if smoke { (2, 1, 1, 2) } else { (100, 30, 30, 10) }
+}
+
+/// Runs the experiments; `progress` is told how many cells of how many are done. Models that
+/// are not there are left out.
 ///
 /// # Errors
-/// [`Error::Io`] for missing scans or a folder that cannot be written, those of the readers.
-pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Results> {
-    let (trials, noisy, levels) = if options.smoke { (2, 1, 2) } else { (100, 30, 10) };
-    let wanted = |cell: &Cell| options.only.is_none_or(|test| test == cell.test);
-    let cells: Vec<Cell> = cell::cells(trials, noisy, levels).into_iter().filter(wanted).collect();
+/// [`Error::Io`] when there is no model at all or a folder cannot be written, those of the
+/// readers. Nothing is written before the models are read.
+pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Outcome> {
+    let (trials, noisy, varied, levels) = sizes(options.smoke);
+    let mut cells = cell::cells(trials, noisy, levels);
+    cells.extend(readings::cells(varied, options.smoke));
+    cells.retain(|cell| options.only.is_none_or(|part| part.has(cell)));
+    let (sources, left_out) = load(options, &cells)?;
+    cells.retain(|cell| sources.contains_key(&(cell.shape, cell.reading)));
+
     let folder = options.output.join("trials");
     std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
-    let mut sources: BTreeMap<(Shape, Reading), Source> = BTreeMap::new();
     let mut results = Results::new();
     for (done, cell) in cells.iter().enumerate() {
         progress(done, cells.len());
-        let path = folder.join(cell.name()).with_extension("csv");
-        let found = match Trials::read(cell, &path) {
+        let Source { model, remark, .. } = &sources[&(cell.shape, cell.reading)];
+        let path = folder.join(cell.name() + ".csv");
+        let found = match Trials::read(cell, remark, &path) {
             Some(found) => found,
             None => {
-                let key = (cell.shape, cell.reading);
-                if let Entry::Vacant(place) = sources.entry(key) {
-                    place.insert(models::load(&options.data, cell.shape, cell.reading)?);
-                }
-                let found = Trials::run(cell, &sources[&key].model)?;
-                found.write(cell, &path)?;
+                let found = Trials::run(cell, model)?;
+                found.write(cell, remark, &path)?;
                 found
             }
         };
@@ -68,8 +104,39 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     progress(cells.len(), cells.len());
     let write =
         |name: &str, text: String| io::write_bytes(&options.output.join(name), text.as_bytes());
-    write("tables.md", tables::markdown(&results))?;
-    write("tables.tex", tables::latex(&results))?;
-    pictures::draw(&options.data, &options.output, &results, options.smoke)?;
-    Ok(results)
+    let varied = cells.iter().any(|cell| cell.variation.is_some());
+    if varied {
+        write("readings.md", readings::markdown(&results))?;
+    }
+    if options.only != Some(Part::Readings) {
+        write("tables.md", tables::markdown(&results))?;
+        write("tables.tex", tables::latex(&results))?;
+        pictures::draw(&options.data, &options.output, &results, options.smoke)?;
+    }
+    Ok(Outcome { results, left_out })
+}
+
+type Sources = BTreeMap<(Shape, Reading), Source>;
+
+/// The models that `cells` need, and a line for each that is not there.
+fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
+    let needed: BTreeSet<(Shape, Reading)> =
+        cells.iter().map(|cell| (cell.shape, cell.reading)).collect();
+    let (mut sources, mut missing) = (Sources::new(), Vec::new());
+    for (shape, reading) in needed {
+        match models::load(&options.data, shape, reading) {
+            Ok(source) => {
+                sources.insert((shape, reading), source);
+            }
+            Err(error) if models::is_missing(&error) => missing.push((shape, error)),
+            Err(error) => return Err(error),
+        }
+    }
+    if sources.is_empty() && !missing.is_empty() {
+        return Err(missing.swap_remove(0).1);
+    }
+    let mut lines: Vec<String> =
+        missing.iter().map(|(shape, error)| format!("{shape} left out: {error}")).collect();
+    lines.dedup();
+    Ok((sources, lines))
 }

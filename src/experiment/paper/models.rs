@@ -1,5 +1,6 @@
 //! The paper's models, from a folder of scans.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::cell::{Reading, Shape};
@@ -19,15 +20,53 @@ pub struct Source {
     pub remark: &'static str,
 }
 
-/// Names of a shape's files, the paper's first, and the folder they have in a mirror.
-fn files(shape: Shape) -> (&'static str, &'static [&'static str]) {
-    match shape {
-        Shape::Bunny => ("stanford_bunny", &["bun000.ply"]),
-        Shape::Dragon => ("stanford_dragon_stand", &["dragonStandRight_0.ply"]),
-        Shape::Armadillo => (
-            "stanford_armadillo_simulated",
-            &["ArmadilloStand_180.ply", "armadilloVirtual_180.ply"],
-        ),
+/// What a file holds, and what is made of it.
+#[derive(Clone, Copy)]
+enum Form {
+    /// A scan of the paper: its range grid or its points.
+    Scan,
+    /// Points of a scan that was simulated.
+    Simulated,
+    /// The whole Armadillo, of which the front is seen.
+    Armadillo,
+}
+
+/// A shape's files, the paper's first: the folder that each has in a mirror, and its name.
+fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static str, Form)] {
+    const SCAN: (&str, &str, Form) = ("stanford_armadillo", "ArmadilloStand_180.ply", Form::Scan);
+    match (shape, reading) {
+        (Shape::Bunny, _) => &[("stanford_bunny", "bun000.ply", Form::Scan)],
+        (Shape::Dragon, _) => &[("stanford_dragon_stand", "dragonStandRight_0.ply", Form::Scan)],
+        (Shape::Armadillo, Reading::Points) => {
+            &[SCAN, ("stanford_armadillo_simulated", "armadilloVirtual_180.ply", Form::Simulated)]
+        }
+        (Shape::Armadillo, _) => &[
+            SCAN,
+            ("stanford_meshes", "armadillo.ply", Form::Armadillo),
+            ("stanford_meshes", "Armadillo.ply", Form::Armadillo),
+        ],
+    }
+}
+
+/// How a shape's files are had.
+fn advice(shape: Shape, reading: Reading) -> &'static str {
+    match (shape, reading) {
+        (Shape::Bunny, _) => {
+            "no such scan; `python3 data/fetch.py bun000` fetches it into data/scans, --data names \
+             another folder"
+        }
+        (Shape::Dragon, _) => {
+            "no such scan; `python3 data/fetch.py dragonStandRight_0` fetches it into data/scans, \
+             --data names another folder"
+        }
+        (Shape::Armadillo, Reading::Points) => {
+            "no such scan, nor armadilloVirtual_180.ply, a scan simulated from the mesh; put either \
+             beside the others"
+        }
+        (Shape::Armadillo, _) => {
+            "no such scan, nor the mesh armadillo.ply, which stands in for it: unpack \
+             http://graphics.stanford.edu/pub/3Dscanrep/armadillo/Armadillo.ply.gz beside the others"
+        }
     }
 }
 
@@ -35,32 +74,29 @@ fn files(shape: Shape) -> (&'static str, &'static [&'static str]) {
 /// fills one, or a folder a data set.
 ///
 /// # Errors
-/// [`Error::Io`] when no such file is there, those of [`io::read`] and [`io::read_mesh`].
+/// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
+/// [`io::read_mesh`].
 pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
-    let (set, names) = files(shape);
-    let places = names.iter().flat_map(|name| [folder.join(name), folder.join(set).join(name)]);
-    let Some(path) = places.clone().find(|path| path.is_file()) else {
-        let path = places.into_iter().next().unwrap_or_else(|| folder.to_path_buf());
-        let missing = std::io::Error::new(
-            std::io::ErrorKind::NotFound,
-            "no such scan; `python3 data/fetch.py` fetches it into data/scans, --data names another \
-             folder",
-        );
+    let files = files(shape, reading);
+    let places = files.iter().flat_map(|&(set, name, form)| {
+        [folder.join(name), folder.join(set).join(name)].map(|path| (path, form))
+    });
+    let Some((path, form)) = places.clone().find(|(path, _)| path.is_file()) else {
+        let path = places.map(|(path, _)| path).next().unwrap_or_else(|| folder.to_path_buf());
+        let missing = std::io::Error::new(ErrorKind::NotFound, advice(shape, reading));
         return Err(Error::io(path, missing));
     };
-    let simulated = path.file_name().is_some_and(|name| name == "armadilloVirtual_180.ply");
-    let remark = match (simulated, reading) {
-        (false, _) => "",
-        (true, Reading::Points) => "a simulated scan of the mesh stands in for ArmadilloStand_180",
-        (true, _) => {
-            "the points of a simulated scan of the mesh, which has no range grid to sample by area, \
-             stand in for ArmadilloStand_180"
-        }
-    };
-    let by_points = simulated || reading == Reading::Points;
-    let model = match by_points {
-        true => Model::from(io::read(&path)?),
-        false => Model::from(io::read_mesh(&path)?),
+    let (model, remark) = match form {
+        Form::Scan if reading == Reading::Points => (Model::from(io::read(&path)?), ""),
+        Form::Scan => (Model::from(io::read_mesh(&path)?), ""),
+        Form::Simulated => (
+            Model::from(io::read(&path)?),
+            "the points of a scan simulated from the mesh stand in for ArmadilloStand_180",
+        ),
+        Form::Armadillo => (
+            Model::from(front(io::read_mesh(&path)?)?),
+            "what a sensor at 180° sees of the mesh, by area, stands in for ArmadilloStand_180",
+        ),
     };
     Ok(Source { model, path, remark })
 }
@@ -71,15 +107,42 @@ pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
 /// # Errors
 /// Those of [`io::read_mesh`].
 pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
-    // The Armadillo's mesh is 151 units high, its scans 0.275 m.
     let (name, unit) = match shape {
         Shape::Bunny => ("bun_zipper.ply", 1.0),
         Shape::Dragon => ("dragon_vrip_res2.ply", 1.0),
-        Shape::Armadillo => ("armadillo.ply", 0.275 / 151.0),
+        Shape::Armadillo => ("armadillo.ply", UNIT),
     };
     let places = [folder.join(name), folder.join("stanford_meshes").join(name)];
     let Some(path) = places.into_iter().find(|path| path.is_file()) else { return Ok(None) };
     let mut mesh = io::read_mesh(&path)?;
     mesh.vertices.iter_mut().flatten().for_each(|x| *x *= unit);
     Ok(Some(mesh))
+}
+
+/// Whether `error` says that a scan is not there.
+pub fn is_missing(error: &Error) -> bool {
+    matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
+}
+
+/// Metres a unit of Stanford's Armadillo: 151 units are the height of the statue without its
+/// stand, 0.254.
+const UNIT: f64 = 0.00168;
+
+/// What a sensor far off at 180°, on −z of the mesh's frame, sees of the Armadillo: its
+/// front. In metres, about the middle of the bounding box, turned so that the sensor is on z.
+fn front(mut mesh: Mesh) -> Result<Mesh> {
+    let along = |axis: usize| mesh.vertices.iter().map(move |vertex| vertex[axis]);
+    let middle = [0, 1, 2].map(|axis| {
+        let (low, high) = (
+            along(axis).fold(f64::INFINITY, f64::min),
+            along(axis).fold(f64::NEG_INFINITY, f64::max),
+        );
+        (low + high) / 2.0
+    });
+    for vertex in &mut mesh.vertices {
+        let turned = [-UNIT, UNIT, -UNIT];
+        *vertex = [0, 1, 2].map(|axis| turned[axis] * (vertex[axis] - middle[axis]));
+    }
+    let seen = mesh.seen_from([0.0, 0.0, 20.0])?;
+    mesh.only(&seen)
 }

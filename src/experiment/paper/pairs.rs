@@ -23,7 +23,7 @@ pub fn write(options: &Options, folder: &Path) -> Result<()> {
     let wanted = |cell: &Cell| {
         cell.reading == Reading::Fitting
             && cell.test != Test::Sensitivity
-            && options.only.is_none_or(|test| test == cell.test)
+            && options.only.is_none_or(|part| part.has(cell))
             // The pairs do not depend on who registers them.
             && cell.contender == Contender::Cf
     };
@@ -104,6 +104,7 @@ mod tests {
             contender: Contender::Cf,
             noise: 0,
             trials: 3,
+            variation: None,
         };
         let (model, folder) = (boulder().into(), tempfile::tempdir().unwrap());
         write_cell(&cell, &model, folder.path()).unwrap();

@@ -26,13 +26,18 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
         let stem: PathBuf = folder.join(name);
         Figure { panels, columns, size }.save(&stem)
     };
-    let bunny = models::load(data, Shape::Bunny, Reading::Fitting)?;
     save("fig3-data", shapes(data)?, 3, (360, 360))?;
-    save("fig4-noise", noise(&bunny)?, 3, (360, 360))?;
     let curves = sensitivity(results);
     if !curves.is_empty() {
         save("fig6-sensitivity", curves, 2, (560, 400))?;
     }
+    let points = if smoke { 1500 } else { lecture::POINTS };
+    if let Some(hall) = lecture::run(data, points)? {
+        save("fig10-lecture-hall", lecture::panels(&hall), 2, (560, 480))?;
+        lecture::write(&hall, &folder.join("lecture-hall.json"))?;
+    }
+    let Some(bunny) = there(data, Shape::Bunny)? else { return Ok(()) };
+    save("fig4-noise", noise(&bunny)?, 3, (360, 360))?;
     let angles = by_angle(&bunny)?;
     let number = |at: usize| angles[at].1;
     for (name, motion, number) in [
@@ -42,23 +47,26 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
     ] {
         save(name, alignments(&bunny, motion, number)?, 4, (300, 320))?;
     }
-    let points = if smoke { 1500 } else { lecture::POINTS };
-    if let Some(hall) = lecture::run(data, points)? {
-        save("fig10-lecture-hall", lecture::panels(&hall), 2, (560, 480))?;
-        lecture::write(&hall, &folder.join("lecture-hall.json"))?;
-    }
     Ok(())
 }
 
-/// The three models.
+/// The model of `shape`, if it is there.
+fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
+    match models::load(data, shape, Reading::Fitting) {
+        Err(error) if models::is_missing(&error) => Ok(None),
+        found => found.map(Some),
+    }
+}
+
+/// The models that are there.
 fn shapes(data: &Path) -> Result<Vec<Panel>> {
     let panel = |&shape: &Shape| {
-        let Source { model, remark, .. } = models::load(data, shape, Reading::Fitting)?;
+        let Some(Source { model, remark, .. }) = there(data, shape)? else { return Ok(None) };
         let stands_in = if remark.is_empty() { "" } else { " (a stand-in)" };
         let content = Content::Points(vec![seen("", &model.sample(SHOWN, SEED)?)]);
-        Ok(Panel { title: format!("{shape}{stands_in}"), content })
+        Ok(Some(Panel { title: format!("{shape}{stands_in}"), content }))
     };
-    Shape::ALL.iter().map(panel).collect()
+    Shape::ALL.iter().filter_map(|shape| panel(shape).transpose()).collect()
 }
 
 /// Source and target at three levels of noise, for both motions.
@@ -86,8 +94,9 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
             };
             let curve = |contender: Contender| {
                 let of = |cell: &Cell| {
-                    (cell.test, cell.motion, cell.contender)
-                        == (Test::Sensitivity, motion, contender)
+                    cell.variation.is_none()
+                        && (cell.test, cell.motion, cell.contender)
+                            == (Test::Sensitivity, motion, contender)
                 };
                 let mut points: Vec<[f64; 2]> =
                     results.values().filter(|(cell, _)| of(cell)).filter_map(point).collect();

@@ -5,10 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::experiment::protocol::{Draw, Trial};
-use crate::experiment::{Model, Spread};
-use crate::io;
+use crate::experiment::{Model, Spread, sheet};
 use crate::method::{Method, Register};
 use crate::par;
 
@@ -31,6 +30,9 @@ pub struct Record {
     pub iterations: u32,
     /// Why there is no answer; empty with one.
     pub error: String,
+    /// Points of the source that took part: all, those with a descriptor, or keypoints.
+    #[serde(default)]
+    pub described: Option<u32>,
 }
 
 /// The trials of a cell.
@@ -42,12 +44,28 @@ pub struct Trials {
 
 /// All that the trials of a cell depend on: its first line in a file.
 #[derive(Serialize)]
-struct Configuration {
+struct Configuration<'a> {
     cell: Cell,
     points: usize,
     seed: u64,
     version: &'static str,
     method: Method,
+    /// What stands in for the paper's model; empty where nothing does.
+    #[serde(skip_serializing_if = "str::is_empty")]
+    stand_in: &'a str,
+}
+
+impl<'a> Configuration<'a> {
+    fn of(cell: &Cell, stand_in: &'a str) -> Self {
+        Configuration {
+            cell: *cell,
+            points: POINTS,
+            seed: SEED,
+            version: env!("CARGO_PKG_VERSION"),
+            method: cell.method(),
+            stand_in,
+        }
+    }
 }
 
 /// Points of each sample (section IV).
@@ -62,7 +80,7 @@ pub(super) const SEED: u64 = 2020;
 pub(super) fn trial(cell: &Cell, model: &Model, number: usize) -> Result<Trial> {
     let draw = Draw {
         motion: cell.motion,
-        viewpoint: cell.reading.viewpoint(),
+        viewpoint: cell.viewpoint(),
         points: POINTS,
         seed: SEED,
         number: number as u64,
@@ -77,7 +95,7 @@ impl Trials {
     /// Those of [`Protocol::trial`](crate::experiment::protocol::Protocol::trial); a trial
     /// without an answer is a record.
     pub fn run(cell: &Cell, model: &Model) -> Result<Self> {
-        let method = cell.contender.method();
+        let method = cell.method();
         let one = |number: usize| {
             let trial = trial(cell, model, number)?;
             let (trial_number, found) =
@@ -94,6 +112,7 @@ impl Trials {
                         trusted: found.trusted,
                         iterations: found.iterations,
                         error: String::new(),
+                        described: Some(found.points.source.described as u32),
                     }
                 }
                 Err(error) => Record {
@@ -105,6 +124,7 @@ impl Trials {
                     trusted: false,
                     iterations: 0,
                     error: error.to_string(),
+                    described: None,
                 },
             })
         };
@@ -112,34 +132,19 @@ impl Trials {
         Ok(Trials { records: records.into_iter().collect::<Result<_>>()? })
     }
 
-    /// Writes the trials of `cell` as CSV, after a comment with all that they depend on.
+    /// Writes the trials of `cell` as CSV, after a comment with all that they depend on;
+    /// `stand_in` is what stands in for the paper's model ([`Source`](super::models::Source)).
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, cell: &Cell, path: &Path) -> Result<()> {
-        let mut table = csv::Writer::from_writer(Vec::new());
-        let unwritten = |error: &dyn std::fmt::Display| {
-            Error::io(path, std::io::Error::other(error.to_string()))
-        };
-        for record in &self.records {
-            table.serialize(record).map_err(|error| unwritten(&error))?;
-        }
-        let rows = table.into_inner().map_err(|error| unwritten(&error))?;
-        io::write_bytes(path, &[format!("# {}\n", described(cell)).as_bytes(), &rows].concat())
+    pub fn write(&self, cell: &Cell, stand_in: &str, path: &Path) -> Result<()> {
+        sheet::write(path, &Configuration::of(cell, stand_in), &self.records)
     }
 
     /// Reads what [`write`](Self::write) wrote, if it is there, whole and of this very cell.
-    pub fn read(cell: &Cell, path: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(path).ok()?;
-        let (first, rows) = text.split_once('\n')?;
-        if first.strip_prefix("# ")? != described(cell) {
-            return None;
-        }
-        let records: Vec<Record> = csv::Reader::from_reader(rows.as_bytes())
-            .deserialize()
-            .collect::<Result<_, _>>()
-            .ok()?;
-        (records.len() == cell.trials).then_some(Trials { records })
+    pub fn read(cell: &Cell, stand_in: &str, path: &Path) -> Option<Self> {
+        let records = sheet::read(path, &Configuration::of(cell, stand_in))?;
+        Some(Trials { records })
     }
 
     /// Mean and standard deviation of `measure` over the trials that gave an answer; `None`
@@ -153,18 +158,6 @@ impl Trials {
     pub fn failures(&self) -> usize {
         self.records.iter().filter(|record| !record.error.is_empty()).count()
     }
-}
-
-fn described(cell: &Cell) -> String {
-    let configuration = Configuration {
-        cell: *cell,
-        points: POINTS,
-        seed: SEED,
-        version: env!("CARGO_PKG_VERSION"),
-        method: cell.contender.method(),
-    };
-    // Plain structs of numbers and words: JSON has them all.
-    serde_json::to_string(&configuration).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -183,6 +176,7 @@ mod tests {
             contender: Contender::Cf,
             noise: 0,
             trials,
+            variation: None,
         }
     }
 
@@ -193,14 +187,15 @@ mod tests {
         let model = boulder().into();
         let trials = Trials::run(&cell(3), &model).unwrap();
         assert_eq!(trials, Trials::run(&cell(3), &model).unwrap());
-        trials.write(&cell(3), &path).unwrap();
-        assert_eq!(Trials::read(&cell(3), &path), Some(trials.clone()));
+        trials.write(&cell(3), "", &path).unwrap();
+        assert_eq!(Trials::read(&cell(3), "", &path), Some(trials.clone()));
         let other = Cell { contender: Contender::Cpd, ..cell(3) };
-        assert_eq!(Trials::read(&other, &path), None);
-        assert_eq!(Trials::read(&cell(4), &path), None);
+        assert_eq!(Trials::read(&other, "", &path), None);
+        assert_eq!(Trials::read(&cell(4), "", &path), None);
+        assert_eq!(Trials::read(&cell(3), "a model of clay", &path), None);
         // Cut short, as by a crash.
         let text = std::fs::read(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 30]).unwrap();
-        assert_eq!(Trials::read(&cell(3), &path), None);
+        assert_eq!(Trials::read(&cell(3), "", &path), None);
     }
 }

@@ -46,7 +46,7 @@ impl Verdict {
 }
 
 /// What a test is about.
-fn measure(test: Test) -> fn(&Record) -> Option<f64> {
+pub(super) fn measure(test: Test) -> fn(&Record) -> Option<f64> {
     match test {
         Test::Accuracy => |record| record.frobenius,
         Test::Robustness | Test::Sensitivity => |record| record.average_shift,
@@ -67,10 +67,10 @@ struct Table {
     rows: Vec<(Contender, Vec<Entry>)>,
 }
 
-struct Entry {
-    printed: Option<Spread>,
-    ours: Option<Spread>,
-    failures: usize,
+pub(super) struct Entry {
+    pub(super) printed: Option<Spread>,
+    pub(super) ours: Option<Spread>,
+    pub(super) failures: usize,
 }
 
 fn table(results: &Results, test: Test, reading: Reading) -> Table {
@@ -82,8 +82,7 @@ fn table(results: &Results, test: Test, reading: Reading) -> Table {
     };
     let entry = |contender, &(shape, motion): &(Shape, Motion)| {
         let is_it = |cell: &Cell| {
-            cell.test == test
-                && cell.reading == reading
+            is_of(cell, test, reading)
                 && cell.contender == contender
                 && (cell.shape, cell.motion) == (shape, motion)
         };
@@ -107,7 +106,8 @@ fn table(results: &Results, test: Test, reading: Reading) -> Table {
 /// Both tables in every reading that there are results of, as Markdown.
 pub fn markdown(results: &Results) -> String {
     let mut text = String::from(LEGEND);
-    let trials = results.values().map(|(cell, _)| cell.trials).max().unwrap_or(0);
+    let own = results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_none());
+    let trials = own.map(|cell| cell.trials).max().unwrap_or(0);
     let _ = writeln!(text, "\n{trials} trials a cell{}.", few(trials));
     for table in tables(results) {
         let _ = writeln!(text, "\n## {}\n", table.title);
@@ -122,7 +122,7 @@ pub fn markdown(results: &Results) -> String {
 }
 
 /// A warning where trials are too few for a mean.
-fn few(trials: usize) -> &'static str {
+pub(super) fn few(trials: usize) -> &'static str {
     if trials < 30 { ": a check that all runs, not a measurement" } else { "" }
 }
 
@@ -155,12 +155,16 @@ const LEGEND: &str = "# The paper's tables, ours beside the printed\n\n\
     it is higher by more. `(n none)`: n trials had no answer.\n\n\
     Readings of the paper: `written`, to the letter; `fitting`, as its figures suggest (outliers \
     from a ball of diameter 0.2, a viewpoint that moves along); `points`, as `fitting` from the \
-    scan's points instead of its surface. A simulated scan stands in for the Armadillo's.\n";
+    scan's points instead of its surface. For the Armadillo's the side of its \
+    mesh that faces the sensor stands in, in `points` a scan simulated from it.\n";
+
+/// Whether a cell is of the paper's tables, and of this one.
+fn is_of(cell: &Cell, test: Test, reading: Reading) -> bool {
+    cell.variation.is_none() && (cell.test, cell.reading) == (test, reading)
+}
 
 fn tables(results: &Results) -> Vec<Table> {
-    let there = |test, reading| {
-        results.values().any(|(cell, _)| cell.test == test && cell.reading == reading)
-    };
+    let there = |test, reading| results.values().any(|(cell, _)| is_of(cell, test, reading));
     let all = [Test::Robustness, Test::Accuracy]
         .into_iter()
         .flat_map(|test| Reading::ALL.map(|reading| (test, reading)));
@@ -169,7 +173,7 @@ fn tables(results: &Results) -> Vec<Table> {
         .collect()
 }
 
-fn shown(entry: &Entry, between: &str) -> String {
+pub(super) fn shown(entry: &Entry, between: &str) -> String {
     let spread =
         |spread: Spread| format!("{}{between}{}", number(spread.mean), number(spread.deviation));
     let mut text = entry.ours.map_or("none".to_string(), spread);

@@ -1,7 +1,6 @@
 //! What makes a registration hard, one thing at a time.
 
 use std::fmt;
-use std::io::ErrorKind;
 use std::path::Path;
 
 use serde::Serialize;
@@ -109,7 +108,7 @@ impl Scenes {
         for shape in Shape::ALL {
             match models::load(folder, shape, Reading::Fitting) {
                 Ok(source) => scans.push((shape, source.model)),
-                Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
+                Err(error) if models::is_missing(&error) => {}
                 Err(error) => return Err(error),
             }
             objects.extend(models::object(folder, shape)?.map(|mesh| (shape, mesh)));
