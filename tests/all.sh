@@ -34,8 +34,23 @@ MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-p
 step "the methods beside their peers, in small"
 (cd python-ref && "$python" -m peers --smoke)
 
+step "peers that the paper does not have, in small"
+(cd python-ref && "$python" -m paper_peers --smoke)
+
 step "the data folder"
 "$python" -m unittest discover data
 
 step "the crate"
 cargo test
+
+step "the paper's experiments, in small"
+scans="${CFREG_DATA:-$PWD/../shared/data}"
+if [ -d "$scans" ]; then
+    rm -rf target/smoke
+    cargo run --quiet -- reproduce --smoke --data "$scans" --output target/smoke >/dev/null
+else
+    echo "skipped: neither \$CFREG_DATA nor ../shared/data is there"
+fi
+
+step "the report"
+bash paper/report/build.sh target/report.pdf

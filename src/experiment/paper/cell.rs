@@ -199,6 +199,16 @@ impl Cell {
         self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
     }
 
+    /// Which model is sampled: of a shape, by a reading, and from which side in degrees where
+    /// that is varied.
+    pub(super) fn model(&self) -> (Shape, Reading, Option<u32>) {
+        let side = match self.variation {
+            Some(Variation::Side(degrees)) => Some(degrees),
+            _ => None,
+        };
+        (self.shape, self.reading, side)
+    }
+
     /// What a trial of it is made by.
     pub fn protocol(&self) -> Protocol {
         let protocol = match self.test {

@@ -34,7 +34,7 @@ pub struct Hall {
 /// The answer of a method.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
-    /// The method.
+    /// The method's name on the command line.
     pub method: &'static str,
     /// What it found.
     pub transform: Transform,
@@ -44,7 +44,7 @@ pub struct Outcome {
     pub error: TruthError,
 }
 
-/// Registers `points` of each scan, the source turned at random, by CF and CFK; `None` where
+/// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three scales; `None` where
 /// the scans are not.
 ///
 /// # Errors
@@ -65,13 +65,17 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let motion = Motion::Large.draw(source.centroid(), &mut rng);
     let (source, truth) = (source.transformed(&motion)?, truth.after(&motion.inverse()));
-    let outcome = |method: Method| {
+    let outcome = |(name, method): (&'static str, Method)| {
         let found = method.register(&source, &target)?;
         let error = truth_error(&found.transform, &truth, source.centroid());
         let (transform, trusted) = (found.transform, found.trusted);
-        Ok::<_, Error>(Outcome { method: found.method, transform, trusted, error })
+        Ok::<_, Error>(Outcome { method: name, transform, trusted, error })
     };
-    let methods = [Method::Cf(Cf::default()), Method::Cfk(Cfk::default())];
+    let methods = [
+        ("cf", Method::Cf(Cf::default())),
+        ("cfk", Method::Cfk(Cfk::default())),
+        ("cf-multiscale", Method::Cf(Cf::multiscale())),
+    ];
     let outcomes = methods.into_iter().map(outcome).collect::<Result<_>>()?;
     Ok(Some(Hall { source, target, outcomes }))
 }

@@ -82,14 +82,14 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     cells.extend(readings::cells(varied, options.smoke));
     cells.retain(|cell| options.only.is_none_or(|part| part.has(cell)));
     let (sources, left_out) = load(options, &cells)?;
-    cells.retain(|cell| sources.contains_key(&(cell.shape, cell.reading)));
+    cells.retain(|cell| sources.contains_key(&cell.model()));
 
     let folder = options.output.join("trials");
     std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let mut results = Results::new();
     for (done, cell) in cells.iter().enumerate() {
         progress(done, cells.len());
-        let Source { model, remark, .. } = &sources[&(cell.shape, cell.reading)];
+        let Source { model, remark, .. } = &sources[&cell.model()];
         let path = folder.join(cell.name() + ".csv");
         let found = match Trials::read(cell, remark, &path) {
             Some(found) => found,
@@ -116,17 +116,21 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     Ok(Outcome { results, left_out })
 }
 
-type Sources = BTreeMap<(Shape, Reading), Source>;
+type Sources = BTreeMap<(Shape, Reading, Option<u32>), Source>;
 
 /// The models that `cells` need, and a line for each that is not there.
 fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
-    let needed: BTreeSet<(Shape, Reading)> =
-        cells.iter().map(|cell| (cell.shape, cell.reading)).collect();
+    let needed: BTreeSet<_> = cells.iter().map(Cell::model).collect();
     let (mut sources, mut missing) = (Sources::new(), Vec::new());
-    for (shape, reading) in needed {
-        match models::load(&options.data, shape, reading) {
+    for key in needed {
+        let (shape, reading, side) = key;
+        let source = match side {
+            None => models::load(&options.data, shape, reading),
+            Some(degrees) => models::armadillo(&options.data, degrees),
+        };
+        match source {
             Ok(source) => {
-                sources.insert((shape, reading), source);
+                sources.insert(key, source);
             }
             Err(error) if models::is_missing(&error) => missing.push((shape, error)),
             Err(error) => return Err(error),

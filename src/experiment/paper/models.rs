@@ -77,13 +77,34 @@ fn advice(shape: Shape, reading: Reading) -> &'static str {
 /// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
 /// [`io::read_mesh`].
 pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
-    let files = files(shape, reading);
+    from(folder, files(shape, reading), reading, 0, advice(shape, reading))
+}
+
+/// What a sensor at `degrees` about the upright axis sees of the Armadillo's mesh, by area;
+/// 0 is its front.
+///
+/// # Errors
+/// As [`load`].
+pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
+    let (shape, reading) = (Shape::Armadillo, Reading::Fitting);
+    let meshes = &files(shape, reading)[1..];
+    from(folder, meshes, reading, degrees, advice(shape, reading))
+}
+
+/// The first of `files` that is there.
+fn from(
+    folder: &Path,
+    files: &[(&str, &str, Form)],
+    reading: Reading,
+    degrees: u32,
+    advice: &str,
+) -> Result<Source> {
     let places = files.iter().flat_map(|&(set, name, form)| {
         [folder.join(name), folder.join(set).join(name)].map(|path| (path, form))
     });
     let Some((path, form)) = places.clone().find(|(path, _)| path.is_file()) else {
         let path = places.map(|(path, _)| path).next().unwrap_or_else(|| folder.to_path_buf());
-        let missing = std::io::Error::new(ErrorKind::NotFound, advice(shape, reading));
+        let missing = std::io::Error::new(ErrorKind::NotFound, advice);
         return Err(Error::io(path, missing));
     };
     let (model, remark) = match form {
@@ -94,7 +115,7 @@ pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
             "the points of a scan simulated from the mesh stand in for ArmadilloStand_180",
         ),
         Form::Armadillo => (
-            Model::from(front(io::read_mesh(&path)?)?),
+            Model::from(seen_side(io::read_mesh(&path)?, degrees)?),
             "what a sensor at 180° sees of the mesh, by area, stands in for ArmadilloStand_180",
         ),
     };
@@ -128,9 +149,17 @@ pub fn is_missing(error: &Error) -> bool {
 /// stand, 0.254.
 const UNIT: f64 = 0.00168;
 
-/// What a sensor far off at 180°, on −z of the mesh's frame, sees of the Armadillo: its
-/// front. In metres, about the middle of the bounding box, turned so that the sensor is on z.
-fn front(mut mesh: Mesh) -> Result<Mesh> {
+/// Where the sensor of [`armadillo`] stands, far off, in the frame of what it sees.
+pub(super) fn sensor(degrees: u32) -> [f64; 3] {
+    const FAR: f64 = 20.0;
+    let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+    [FAR * sin, 0.0, FAR * cos]
+}
+
+/// What a sensor far off sees of the Armadillo. In metres, about the middle of the bounding
+/// box, turned so that the front, 180° by the scans' convention and −z of the mesh's frame,
+/// is towards z.
+fn seen_side(mut mesh: Mesh, degrees: u32) -> Result<Mesh> {
     let along = |axis: usize| mesh.vertices.iter().map(move |vertex| vertex[axis]);
     let middle = [0, 1, 2].map(|axis| {
         let (low, high) = (
@@ -143,6 +172,6 @@ fn front(mut mesh: Mesh) -> Result<Mesh> {
         let turned = [-UNIT, UNIT, -UNIT];
         *vertex = [0, 1, 2].map(|axis| turned[axis] * (vertex[axis] - middle[axis]));
     }
-    let seen = mesh.seen_from([0.0, 0.0, 20.0])?;
+    let seen = mesh.seen_from(sensor(degrees))?;
     mesh.only(&seen)
 }

@@ -174,6 +174,27 @@ fn topics() -> Vec<Topic> {
         })
     });
 
+    let sides = [Contender::Cf, Contender::Teaser, Contender::CfMultiscale];
+    let sides = sides.into_iter().flat_map(|contender| {
+        [0, 45, 90, 135, 180, 225, 270, 315].map(|degrees| {
+            fitting(&format!("{contender}, {degrees}°"), contender, Variation::Side(degrees))
+        })
+    });
+    let armadillo =
+        [accuracy(Shape::Armadillo, Motion::Small), accuracy(Shape::Armadillo, Motion::Large)];
+
+    let tolerances = [1e-3, 1e-5, 1e-8].map(|tolerance| {
+        fitting(
+            &format!("tolerance {tolerance:e}"),
+            Contender::Cpd,
+            Variation::Tolerance(tolerance),
+        )
+    });
+    let decimals = [9, 8, 7, 6].map(|decimals| {
+        let label = format!("coordinates of {decimals} decimals");
+        fitting(&label, Contender::Cpd, Variation::Decimals(decimals))
+    });
+
     let levels = [20, 100, 200].into_iter().flat_map(|noise| {
         let of =
             move |motion| Column { test: Test::Sensitivity, shape: Shape::Bunny, motion, noise };
@@ -200,6 +221,8 @@ fn topics() -> Vec<Topic> {
         topic("Where ICP ends", &both, rest),
         topic("Where normals look", &both, viewpoints.collect()),
         topic("The ball of outliers", &outliers, balls.collect()),
+        topic("The side from which the Armadillo is seen", &armadillo, sides.collect()),
+        topic("CPD's arithmetic", &outliers, tolerances.into_iter().chain(decimals).collect()),
         topic(
             "What is sampled, under noise (section IV-B)",
             &levels.collect::<Vec<_>>(),
@@ -228,7 +251,11 @@ mod tests {
                 .rows
                 .iter()
                 .map(|row| row.cell(topic.columns[0], 1))
-                .map(|cell| (cell.reading, cell.method(), cell.protocol(), cell.viewpoint()))
+                .map(|cell| {
+                    // What changes the points themselves shows in none of the others.
+                    let points = cell.variation.filter(|v| matches!(v, Variation::Decimals(_)));
+                    (cell.reading, cell.method(), cell.protocol(), cell.viewpoint(), points)
+                })
                 .collect();
             for (at, choice) in choices.iter().enumerate() {
                 assert!(!choices[..at].contains(choice), "{}: {choice:?}", topic.title);

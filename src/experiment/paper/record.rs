@@ -85,7 +85,8 @@ pub(super) fn trial(cell: &Cell, model: &Model, number: usize) -> Result<Trial> 
         seed: SEED,
         number: number as u64,
     };
-    cell.protocol().trial(model, draw)
+    let trial = cell.protocol().trial(model, draw)?;
+    cell.variation.map_or(Ok(trial.clone()), |variation| variation.trial(trial))
 }
 
 impl Trials {

@@ -4,7 +4,10 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::protocol::{Protocol, Viewpoint};
+use super::models;
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::experiment::protocol::{Protocol, Trial, Viewpoint};
 use crate::keypoint::{Keypoints, Sift};
 use crate::method::{Icp, Method};
 
@@ -26,6 +29,12 @@ pub enum Variation {
     Viewpoint(Viewpoint),
     /// Radius of the ball of outliers, metres.
     Radius(f64),
+    /// From where the Armadillo is seen, degrees; normals look there too.
+    Side(u32),
+    /// Decimals, in metres, that coordinates are rounded to.
+    Decimals(u32),
+    /// CPD's tolerance.
+    Tolerance(f64),
 }
 
 impl Variation {
@@ -38,6 +47,7 @@ impl Variation {
             (Variation::Keypoints(sift), Method::Cfk(cfk)) => {
                 cfk.keypoints = Keypoints::Sift(sift);
             }
+            (Variation::Tolerance(tolerance), Method::Cpd(cpd)) => cpd.tolerance = tolerance,
             (Variation::AtRest, Method::Icp(icp)) => {
                 let Icp { relative_error_tolerance, error_tolerance, .. } = icp;
                 (*relative_error_tolerance, *error_tolerance) = (0.0, 0.0);
@@ -61,9 +71,32 @@ impl Variation {
     pub fn viewpoint(self, otherwise: Viewpoint) -> Viewpoint {
         match self {
             Variation::Viewpoint(viewpoint) => viewpoint,
+            Variation::Side(degrees) => Viewpoint::At(models::sensor(degrees)),
             _ => otherwise,
         }
     }
+}
+
+impl Variation {
+    /// `trial` with this setting.
+    ///
+    /// # Errors
+    /// Those of [`PointCloud::new`].
+    pub fn trial(self, mut trial: Trial) -> Result<Trial> {
+        if let Variation::Decimals(decimals) = self {
+            for cloud in [&mut trial.source, &mut trial.target] {
+                *cloud = rounded(cloud, decimals)?;
+            }
+        }
+        Ok(trial)
+    }
+}
+
+fn rounded(cloud: &PointCloud, decimals: u32) -> Result<PointCloud> {
+    let unit = 10f64.powi(decimals as i32);
+    let points: Vec<_> = cloud.positions().map(|p| p.map(|x| (x * unit).round() / unit)).collect();
+    let rounded = PointCloud::new(&points)?;
+    cloud.viewpoint().map_or(Ok(rounded.clone()), |viewpoint| rounded.with_viewpoint(viewpoint))
 }
 
 /// A word for the names of files.
@@ -83,6 +116,9 @@ impl fmt::Display for Variation {
             Variation::Viewpoint(Viewpoint::Centroid) => f.write_str("viewpoint-centroid"),
             Variation::Viewpoint(Viewpoint::At(_)) => f.write_str("viewpoint-sensor"),
             Variation::Radius(radius) => write!(f, "radius-{radius}"),
+            Variation::Side(degrees) => write!(f, "side-{degrees:03}"),
+            Variation::Decimals(decimals) => write!(f, "decimals-{decimals}"),
+            Variation::Tolerance(tolerance) => write!(f, "tolerance-{tolerance:e}"),
         }
     }
 }

@@ -4,14 +4,15 @@ use std::path::Path;
 
 use super::condition::Condition;
 use super::scheme::{Place, Points};
-use super::tables::{notable, of};
-use super::{Outcome, Study};
+use super::tables::of;
+use super::{Outcome, Screened, Study};
 use crate::error::Result;
 use crate::experiment::Spread;
 use crate::experiment::figure::{Axes, Content, Curve, Figure, Panel};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// Writes `fig12-weights` to `folder`.
+/// Writes `fig12-weights` to `folder`: the finalists against overlap, noise and outliers, and
+/// what the screening says of bandwidths and neighbourhoods.
 ///
 /// # Errors
 /// [`Error::Io`](crate::Error::Io).
@@ -20,28 +21,22 @@ pub(super) fn draw(study: &Study, folder: &Path) -> Result<()> {
         against(study, "overlap", "share of the source's view that is common"),
         against(study, "noise", "standard deviation of the noise (m)"),
         against(study, "outliers", "outliers a point"),
+        sizes(study),
         bandwidths(study, Condition::Independent),
         bandwidths(study, Condition::Noise(0.01)),
-        sizes(study),
     ];
-    Figure { panels, columns: 2, size: (760, 400) }.save(&folder.join("fig12-weights"))
+    Figure { panels, columns: 2, size: (660, 380) }.save(&folder.join("fig12-weights"))
 }
 
-const ERROR: &str = "mean of |I - R Rgt^T|";
-
-fn panel(title: String, x: &str, axes: Axes, curves: Vec<Curve>) -> Panel {
-    Panel { title, content: Content::Curves { x: x.into(), y: ERROR.into(), axes, curves } }
-}
-
-/// Errors of notable finalists over the amount of one kind of condition; bands hold the mean
-/// in 95 of 100 repetitions.
+/// Errors of the steps from the paper's scheme to the best, and of TEASER, over the amount of
+/// one kind of condition; bands hold the mean in 95 of 100 repetitions.
 fn against(study: &Study, kind: &str, x: &str) -> Panel {
     let conditions: Vec<&(Condition, Vec<Outcome>)> =
         study.finals.iter().filter(|(condition, _)| condition.kind().0 == kind).collect();
-    let curve = |name: String| {
-        let mut curve = Curve { name: name.clone(), ..Curve::default() };
+    let curve = |(scheme, name): (String, &str)| {
+        let mut curve = Curve { name: name.into(), ..Curve::default() };
         for (condition, outcomes) in &conditions {
-            let errors: Vec<f64> = of(outcomes, &name).map(Outcome::error).collect();
+            let errors: Vec<f64> = of(outcomes, &scheme).map(Outcome::error).collect();
             let Some(spread) = Spread::of(&errors) else { continue };
             let half = 1.96 * spread.deviation / (errors.len() as f64).sqrt();
             curve.points.push([condition.kind().1, spread.mean]);
@@ -49,44 +44,47 @@ fn against(study: &Study, kind: &str, x: &str) -> Panel {
         }
         curve
     };
-    let curves = notable(study).into_iter().map(curve).collect();
-    panel(kind.into(), x, Axes::Linear, curves)
+    let steps = Place::STEPS.iter().map(Place::name).zip(Place::STEP_NAMES);
+    let curves = steps.chain([("TEASER".to_string(), "TEASER")]).map(curve).collect();
+    let content =
+        Content::Curves { x: x.into(), y: "mean |I - R Rgt^T|".into(), axes: Axes::Linear, curves };
+    Panel { title: kind.into(), content }
 }
 
-/// Errors over the bandwidth, in the screening; an automatic one is a line.
+/// Median errors over the bandwidth, in the screening; the automatic one is a line.
 fn bandwidths(study: &Study, condition: Condition) -> Panel {
     let mut curves = Vec::new();
-    for points in [Place::PAPER.points, Place::BEST.points] {
+    for (points, scales) in [(Place::PAPER.points, "one scale"), (Place::BEST.points, "three")] {
+        let paper = points.histogram.default_beta();
         for normalize in [Normalization::None, Normalization::Both] {
             for kernel in [WeightScheme::Gaussian, WeightScheme::Cauchy] {
-                let error =
-                    |beta| screened(study, condition, Place { points, kernel, beta, normalize });
-                let at = |beta: f64| Some([beta, error(Bandwidth::Fixed(beta))?]);
-                let name = format!("{}, {kernel}, {normalize}", points.name());
-                let fixed: Vec<[f64; 2]> =
-                    [25.0, 100.0, 400.0].into_iter().filter_map(at).collect();
-                if !fixed.is_empty() {
-                    curves.push(Curve { name, points: fixed, ..Curve::default() });
-                }
+                let at = |share: f64| {
+                    let beta = Bandwidth::Fixed(share * paper);
+                    let place = Place { points, kernel, beta, normalize };
+                    Some([share, median(study, condition, place)?])
+                };
+                let name = format!("{scales}, {kernel}, {normalize}");
+                let points = [0.25, 1.0, 4.0].into_iter().filter_map(at).collect();
+                curves.push(Curve { name, points, ..Curve::default() });
             }
         }
     }
-    let best = screened(study, condition, Place::BEST);
-    curves.extend(best.map(|error| Curve {
-        name: "best, automatic".into(),
-        points: vec![[25.0, error], [400.0, error]],
+    curves.retain(|curve| !curve.points.is_empty());
+    curves.extend(median(study, condition, Place::BEST).map(|error| Curve {
+        name: "multiscale, automatic".into(),
+        points: vec![[0.25, error], [4.0, error]],
         guide: true,
         ..Curve::default()
     }));
-    panel(
+    screening(
         format!("bandwidth, {condition}"),
-        "bandwidth (squared descriptor units)",
+        "bandwidth over the paper's (400 on Open3D's scale)",
         Axes::Logarithmic,
         curves,
     )
 }
 
-/// Errors over the size of the neighbourhood, in the screening.
+/// Median errors over the size of the neighbourhood, in the screening.
 fn sizes(study: &Study) -> Panel {
     let mut curves = Vec::new();
     for (normals, words) in [(None, "normals of as many"), (Some(10), "normals of 10")] {
@@ -98,29 +96,30 @@ fn sizes(study: &Study) -> Panel {
             };
             let error = |points: &Points| {
                 let place = Place { points: *points, normalize, ..Place::PAPER };
-                Some([points.scales[0].0 as f64, screened(study, Condition::Independent, place)?])
+                Some([points.scales[0].0 as f64, median(study, Condition::Independent, place)?])
             };
-            let mut found: Vec<[f64; 2]> =
+            let mut points: Vec<[f64; 2]> =
                 Points::ALL.iter().filter(alike).filter_map(error).collect();
-            found.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            if !found.is_empty() {
-                let name = format!("{words}, {normalize}");
-                curves.push(Curve { name, points: found, ..Curve::default() });
-            }
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            curves.push(Curve {
+                name: format!("{words}, {normalize}"),
+                points,
+                ..Curve::default()
+            });
         }
     }
-    panel(
-        "size of the neighbourhood, independent samples".into(),
-        "nearest points",
-        Axes::Linear,
-        curves,
-    )
+    curves.retain(|curve| !curve.points.is_empty());
+    screening("neighbourhood, independent samples".into(), "nearest points", Axes::Linear, curves)
 }
 
-fn screened(study: &Study, condition: Condition, place: Place) -> Option<f64> {
+fn screening(title: String, x: &str, axes: Axes, curves: Vec<Curve>) -> Panel {
+    let y = "median rotation error (deg)".into();
+    Panel { title, content: Content::Curves { x: x.into(), y, axes, curves } }
+}
+
+fn median(study: &Study, condition: Condition, place: Place) -> Option<f64> {
     let (name, (kind, amount)) = (place.name(), condition.kind());
-    let is_it = |row: &&super::Screened| {
-        row.scheme == name && row.condition == kind && row.amount == amount
-    };
-    study.screened.iter().find(is_it).map(|row| row.mean_frobenius)
+    let is_it =
+        |row: &&Screened| row.scheme == name && row.condition == kind && row.amount == amount;
+    study.screened.iter().find(is_it)?.median_deg
 }

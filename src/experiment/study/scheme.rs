@@ -205,6 +205,16 @@ impl Place {
         ]
     };
 
+    /// What each of [`STEPS`](Self::STEPS) adds, for curves.
+    pub(super) const STEP_NAMES: [&str; 6] = [
+        "CF, the paper's",
+        "+ dual softmax",
+        "+ automatic bandwidth",
+        "+ normals of 10",
+        "+ own histogram",
+        "+ three scales: multiscale",
+    ];
+
     /// Every place of the grid, or a few of it.
     pub fn grid(few: bool) -> Vec<Place> {
         let mut places = vec![Place { kernel: WeightScheme::Uniform, ..Place::PAPER }];

@@ -130,9 +130,12 @@ fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     );
     let _ = writeln!(text, "| changed | to | overall | {} |", kinds.join(" | "));
     let _ = writeln!(text, "|---|---|---|{}", "---|".repeat(kinds.len()));
-    for (at, row) in rows.iter().enumerate() {
+    let unchanged = rows.iter().position(|row| row.scheme == best.scheme).unwrap_or(0);
+    let others = (0..rows.len()).filter(|&at| at != unchanged);
+    for at in [unchanged].into_iter().chain(others) {
+        let row = &rows[at];
         let differences = [
-            ("", best.scheme.as_str(), row.scheme == best.scheme),
+            ("nothing", "", at == unchanged),
             ("description", row.points.as_str(), row.points != best.points),
             ("kernel", row.kernel.as_str(), row.kernel != best.kernel),
             ("bandwidth", row.beta.as_str(), row.beta != best.beta),
@@ -140,7 +143,6 @@ fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
         ];
         let changed: Vec<_> = differences.iter().filter(|(_, _, is)| *is).collect();
         let &[&(what, to, _)] = changed.as_slice() else { continue };
-        let to = if what.is_empty() { "nothing" } else { to };
         let cells: Vec<String> = scores[at].iter().map(|s| format!("{:.2}", s.exp())).collect();
         let _ = writeln!(text, "| {what} | {to} | {} |", cells.join(" | "));
     }
