@@ -89,6 +89,7 @@ fn what_is_there_is_run_and_the_rest_is_named() {
     let only = Some(Part::Test(Test::Accuracy));
     let options = Options { data: bunny, output, smoke: true, only };
     let done = run(&options, |_, _| {}).unwrap();
+    assert!(!done.results.is_empty());
     assert!(done.results.values().all(|(cell, _)| cell.shape == Shape::Bunny));
     assert!(done.left_out.iter().any(|line| line.contains("Armadillo left out")));
     assert!(done.left_out.iter().any(|line| line.contains("Armadillo.ply.gz")), "{done:?}");

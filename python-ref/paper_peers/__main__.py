@@ -59,7 +59,11 @@ def run(cells, folder):
         results[cell.name] = {}
         for row, word in OURS.items():
             if (path := folder / "trials" / f"{cell.name}_{word}.csv").is_file():
-                results[cell.name][row] = trials.read(path)
+                records = trials.read(path)
+                if len(records) == len(cell.pairs):
+                    results[cell.name][row] = records
+                else:
+                    print(f"left out: {path} has {len(records)} trials", file=sys.stderr)
         for contender in contenders:
             path = folder / "peers" / f"{cell.name}_{contender.word()}.csv"
             records = trials.register(contender, cell)

@@ -38,7 +38,7 @@ def register(contender, cell):
 def one(contender, number, pair):
     try:
         pose = contender.align(pair, **contender.settings)
-    except RuntimeError as error:
+    except (RuntimeError, np.linalg.LinAlgError) as error:
         return Record(number, error=str(error) or type(error).__name__)
     if pose is None:
         return Record(number, error="no answer")
@@ -66,7 +66,7 @@ def write(records, path, **configuration):
 
 
 def read(path):
-    """Records of a file of ours or of the crate's, which has two columns more."""
+    """Records of a file of ours or of the crate's, which has more columns."""
     number = lambda word: float(word) if word else None
     with open(path, newline="") as file:
         rows = csv.DictReader(line for line in file if not line.startswith("#"))

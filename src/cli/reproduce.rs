@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::{Outcome, print, progress, say};
 use crate::error::Result;
-use crate::experiment::paper::{self, Options, Part, cell::Test, readings, tables};
+use crate::experiment::paper::{self, Options, Part, cell::Test, models, readings, tables};
 use crate::experiment::scaling::{self, Meter};
 use crate::experiment::study;
 use crate::par;
@@ -71,7 +71,7 @@ impl Reproduce {
         let data = self.data.clone().or_else(named).unwrap_or_else(fetched);
         let part = self.only.and_then(Only::part);
         if let Some(folder) = &self.pairs {
-            paper::pairs::write(&self.options(data, part), folder)?;
+            complain(&paper::pairs::write(&self.options(data, part), folder)?);
             return Ok(Outcome::Trusted);
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
@@ -82,7 +82,13 @@ impl Reproduce {
             self.weights(&data)?;
         }
         if wanted(Only::Scaling) {
-            self.scaling(data, meter)?;
+            match self.scaling(data, meter) {
+                // What is there has been run.
+                Err(error) if self.only.is_none() && models::is_missing(&error) => {
+                    complain(&[format!("scaling left out: {error}")]);
+                }
+                done => done?,
+            }
         }
         Ok(Outcome::Trusted)
     }
@@ -100,9 +106,7 @@ impl Reproduce {
             })
         })??;
         bar.finish_and_clear();
-        for line in &done.left_out {
-            say(&format!("cfreg: {line}\n"));
-        }
+        complain(&done.left_out);
         match options.only {
             Some(Part::Readings) => print(&readings::markdown(&done.results)),
             _ => print(&tables::markdown(&done.results)),
@@ -112,7 +116,8 @@ impl Reproduce {
     fn weights(&self, data: &Path) -> Result<()> {
         let output = self.output.join("weights");
         let options = study::Options { output, smoke: self.smoke, own: Vec::new() };
-        let scenes = study::Scenes::load(data)?;
+        let (scenes, left_out) = study::Scenes::load(data)?;
+        complain(&left_out);
         let bar = progress(1, "conditions");
         let study = par::with_threads(self.threads, || {
             study::run(&options, &scenes, |done, all| {
@@ -134,5 +139,12 @@ impl Reproduce {
         bar.finish_and_clear();
         scaling::draw(&runs, &options.output)?;
         print(&scaling::markdown(&runs))
+    }
+}
+
+/// Says what was left out.
+fn complain(lines: &[String]) {
+    for line in lines {
+        say(&format!("cfreg: {line}\n"));
     }
 }

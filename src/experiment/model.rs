@@ -31,6 +31,15 @@ impl Model {
         }
     }
 
+    /// A number that tells this model from others: a hash of all coordinates and faces, the
+    /// same on every machine (FNV-1a, 64 bits, by Fowler, Noll and Vo).
+    pub fn digest(&self) -> String {
+        match self {
+            Model::Points(cloud) => digest(cloud.positions(), &[]),
+            Model::Surface(mesh) => digest(mesh.vertices.iter().copied(), &mesh.faces),
+        }
+    }
+
     /// Mean of the points, or of the surface.
     pub fn centroid(&self) -> Vec3 {
         match self {
@@ -38,6 +47,18 @@ impl Model {
             Model::Surface(mesh) => mesh.centroid(),
         }
     }
+}
+
+fn digest(points: impl Iterator<Item = Vec3>, faces: &[[u32; 3]]) -> String {
+    let coordinates = points.flatten().map(f64::to_bits);
+    let corners = faces.as_flattened().iter().map(|&corner| u64::from(corner));
+    let hash = coordinates
+        .chain(corners)
+        .flat_map(u64::to_le_bytes)
+        .fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+    format!("{hash:016x}")
 }
 
 impl From<PointCloud> for Model {

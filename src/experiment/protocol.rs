@@ -10,6 +10,10 @@ use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::quality::{TruthError, truth_error};
 
+/// Raised whenever a trial of the same settings comes out otherwise than before: results
+/// that are kept are not mixed with others then.
+pub const REVISION: u32 = 1;
+
 /// What is made of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -60,7 +60,7 @@ pub struct Cf {
 }
 
 impl Cf {
-    /// The best of the study of weight schemes that is still one step: descriptors at three
+    /// The best of the study of weight schemes, still one step: descriptors at three
     /// scales, each with normals of its own and a point's own histogram in it (Open3D's
     /// scale), a bandwidth from the descriptors, dual softmax.
     ///

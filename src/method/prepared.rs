@@ -107,18 +107,17 @@ impl Describe {
         }
         let find = |neighborhood| Neighbors::find(points, neighborhood);
         let neighbors = times.time("neighbors", || find(self.neighborhood))?;
-        // One search serves both where both ask the same.
-        let own = match self.normal_neighborhood {
-            Some(normal)
-                if normal != self.neighborhood && self.orientation != Orientation::Stored =>
-            {
-                Some(times.time("neighbors", || find(normal))?)
-            }
-            _ => None,
+        // One search serves both where both ask the same; stored normals need none.
+        let estimated = |around: &Neighbors, at, normal: Option<Neighborhood>, t: &mut Timings| {
+            let stored = self.orientation == Orientation::Stored;
+            let own = match normal.filter(|&normal| normal != at && !stored) {
+                Some(normal) => Some(t.time("neighbors", || find(normal))?),
+                None => None,
+            };
+            let around = own.as_ref().unwrap_or(around);
+            t.time("normals", || normals::estimate(cloud, around, self.orientation))
         };
-        let normals = times.time("normals", || {
-            normals::estimate(cloud, own.as_ref().unwrap_or(&neighbors), self.orientation)
-        })?;
+        let normals = estimated(&neighbors, self.neighborhood, self.normal_neighborhood, times)?;
         if normals.undefined() == points.len() {
             let radius = match self.normal_neighborhood.unwrap_or(self.neighborhood) {
                 Neighborhood::Radius(radius) | Neighborhood::Hybrid { radius, .. } => Some(radius),
@@ -149,16 +148,12 @@ impl Describe {
         let mut defined: Vec<bool> = rows.iter().map(|&row| normals.defined(row)).collect();
         for scale in &self.more_scales {
             let neighbors = times.time("neighbors", || find(scale.neighborhood))?;
-            let own =
-                match scale.normal_neighborhood {
-                    Some(normal) => {
-                        let around = times.time("neighbors", || find(normal))?;
-                        Some(times.time("normals", || {
-                            normals::estimate(cloud, &around, self.orientation)
-                        })?)
-                    }
-                    None => None,
-                };
+            let own = match scale.normal_neighborhood {
+                Some(normal) => {
+                    Some(estimated(&neighbors, scale.neighborhood, Some(normal), times)?)
+                }
+                None => None,
+            };
             let normals = own.as_ref().unwrap_or(&normals);
             defined.iter_mut().zip(&rows).for_each(|(is, &row)| *is &= normals.defined(row));
             tables.push(times.time("descriptors", || described_by(normals, &neighbors))?);

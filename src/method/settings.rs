@@ -81,9 +81,9 @@ fn scale(value: Value) -> Value {
         Ok(count) => json!({ "nearest": count }),
         Err(_) => json!({ "nearest": count }),
     };
-    match value.as_str().map(|text| text.split_once(':').unwrap_or((text, ""))) {
-        Some((count, "")) => json!({ "neighborhood": nearest(count) }),
-        Some((count, normals)) => json!({
+    match value.as_str().map(|text| (text.split_once(':'), text)) {
+        Some((None, count)) => json!({ "neighborhood": nearest(count) }),
+        Some((Some((count, normals)), _)) => json!({
             "neighborhood": nearest(count), "normal_neighborhood": nearest(normals)
         }),
         None => json!({ "neighborhood": { "nearest": value } }),
@@ -131,7 +131,7 @@ mod tests {
         assert!(message("beta", "x".into()).starts_with("beta = \"x\": "));
         assert!(message("weights", "x".into()).starts_with("weights = \"x\": must be one of"));
         assert!(message("method", "icp".into()).contains("no such setting"));
-        for wrong in [json!("x"), json!([1.5]), json!("20:x"), json!({})] {
+        for wrong in [json!("x"), json!([1.5]), json!("20:x"), json!("20:"), json!({})] {
             let message = message("more_neighbors", wrong);
             assert!(message.starts_with("more_neighbors = "), "{message}");
         }

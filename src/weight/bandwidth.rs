@@ -24,7 +24,7 @@ pub enum Bandwidth {
 }
 
 impl Bandwidth {
-    /// Share of a plain `auto`: the best of 0.1, 0.25, 0.5, 1 and 2 on independent samples.
+    /// Share of a plain `auto`.
     pub const DEFAULT_SHARE: f64 = 0.25;
 
     /// Refuses what weights cannot be computed with.

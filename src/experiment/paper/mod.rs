@@ -80,22 +80,24 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     let (trials, noisy, varied, levels) = sizes(options.smoke);
     let mut cells = cell::cells(trials, noisy, levels);
     cells.extend(readings::cells(varied, options.smoke));
-    cells.retain(|cell| options.only.is_none_or(|part| part.has(cell)));
     let (sources, left_out) = load(options, &cells)?;
     cells.retain(|cell| sources.contains_key(&cell.model()));
+    let wanted = |cell: &Cell| options.only.is_none_or(|part| part.has(cell));
 
     let folder = options.output.join("trials");
     std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let mut results = Results::new();
     for (done, cell) in cells.iter().enumerate() {
         progress(done, cells.len());
-        let Source { model, remark, .. } = &sources[&cell.model()];
+        let source = &sources[&cell.model()];
         let path = folder.join(cell.name() + ".csv");
-        let found = match Trials::read(cell, remark, &path) {
+        let found = match Trials::read(cell, source, &path) {
             Some(found) => found,
+            // Other parts are shown as far as they are known.
+            None if !wanted(cell) => continue,
             None => {
-                let found = Trials::run(cell, model)?;
-                found.write(cell, remark, &path)?;
+                let found = Trials::run(cell, &source.model)?;
+                found.write(cell, source, &path)?;
                 found
             }
         };
@@ -104,8 +106,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     progress(cells.len(), cells.len());
     let write =
         |name: &str, text: String| io::write_bytes(&options.output.join(name), text.as_bytes());
-    let varied = cells.iter().any(|cell| cell.variation.is_some());
-    if varied {
+    if options.only.is_none_or(|part| part == Part::Readings) {
         write("readings.md", readings::markdown(&results))?;
     }
     if options.only != Some(Part::Readings) {
@@ -139,8 +140,8 @@ fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
     if sources.is_empty() && !missing.is_empty() {
         return Err(missing.swap_remove(0).1);
     }
-    let mut lines: Vec<String> =
-        missing.iter().map(|(shape, error)| format!("{shape} left out: {error}")).collect();
-    lines.dedup();
-    Ok((sources, lines))
+    // One line a shape: its readings miss the same.
+    missing.dedup_by_key(|(shape, _)| *shape);
+    let line = |(shape, error): &(Shape, Error)| format!("{shape} left out: {error}");
+    Ok((sources, missing.iter().map(line).collect()))
 }

@@ -17,7 +17,9 @@ pub struct Source {
     /// Its file.
     pub path: PathBuf,
     /// What stands in for the paper's own, and how; empty where nothing does.
-    pub remark: &'static str,
+    pub remark: String,
+    /// Of the model ([`Model::digest`]).
+    pub digest: String,
 }
 
 /// What a file holds, and what is made of it.
@@ -27,9 +29,12 @@ enum Form {
     Scan,
     /// Points of a scan that was simulated.
     Simulated,
-    /// The whole Armadillo, of which the front is seen.
+    /// The whole Armadillo, of which one side is seen.
     Armadillo,
 }
+
+/// Names that the Armadillo's mesh goes by.
+const ARMADILLO: [&str; 2] = ["armadillo.ply", "Armadillo.ply"];
 
 /// A shape's files, the paper's first: the folder that each has in a mirror, and its name.
 fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static str, Form)] {
@@ -42,8 +47,8 @@ fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static st
         }
         (Shape::Armadillo, _) => &[
             SCAN,
-            ("stanford_meshes", "armadillo.ply", Form::Armadillo),
-            ("stanford_meshes", "Armadillo.ply", Form::Armadillo),
+            ("stanford_meshes", ARMADILLO[0], Form::Armadillo),
+            ("stanford_meshes", ARMADILLO[1], Form::Armadillo),
         ],
     }
 }
@@ -108,18 +113,21 @@ fn from(
         return Err(Error::io(path, missing));
     };
     let (model, remark) = match form {
-        Form::Scan if reading == Reading::Points => (Model::from(io::read(&path)?), ""),
-        Form::Scan => (Model::from(io::read_mesh(&path)?), ""),
+        Form::Scan if reading == Reading::Points => (Model::from(io::read(&path)?), String::new()),
+        Form::Scan => (Model::from(io::read_mesh(&path)?), String::new()),
         Form::Simulated => (
             Model::from(io::read(&path)?),
-            "the points of a scan simulated from the mesh stand in for ArmadilloStand_180",
+            "the points of a scan simulated from the mesh stand in for ArmadilloStand_180".into(),
         ),
         Form::Armadillo => (
             Model::from(seen_side(io::read_mesh(&path)?, degrees)?),
-            "what a sensor at 180° sees of the mesh, by area, stands in for ArmadilloStand_180",
+            format!(
+                "what a sensor at {}° sees of the mesh, by area, stands in for ArmadilloStand_180",
+                (180 + degrees) % 360
+            ),
         ),
     };
-    Ok(Source { model, path, remark })
+    Ok(Source { digest: model.digest(), model, path, remark })
 }
 
 /// The whole surface of `shape`, reconstructed from all of its scans, at its real size in
@@ -128,12 +136,14 @@ fn from(
 /// # Errors
 /// Those of [`io::read_mesh`].
 pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
-    let (name, unit) = match shape {
-        Shape::Bunny => ("bun_zipper.ply", 1.0),
-        Shape::Dragon => ("dragon_vrip_res2.ply", 1.0),
-        Shape::Armadillo => ("armadillo.ply", UNIT),
+    let (names, unit): (&[&str], f64) = match shape {
+        Shape::Bunny => (&["bun_zipper.ply"], 1.0),
+        Shape::Dragon => (&["dragon_vrip_res2.ply"], 1.0),
+        Shape::Armadillo => (&ARMADILLO, UNIT),
     };
-    let places = [folder.join(name), folder.join("stanford_meshes").join(name)];
+    let places = names
+        .iter()
+        .flat_map(|name| [folder.join(name), folder.join("stanford_meshes").join(name)]);
     let Some(path) = places.into_iter().find(|path| path.is_file()) else { return Ok(None) };
     let mut mesh = io::read_mesh(&path)?;
     mesh.vertices.iter_mut().flatten().for_each(|x| *x *= unit);

@@ -8,18 +8,19 @@
 use std::path::Path;
 
 use super::cell::{self, Cell, Contender, Reading, Test};
-use super::{Options, models, record};
+use super::{Options, record};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::experiment::Model;
 use crate::experiment::protocol::Trial;
 use crate::io;
 
-/// Writes the pairs that [`run`](super::run) gives its contenders with these options.
+/// Writes the pairs that [`run`](super::run) gives its contenders with these options; returns
+/// a line for each model that is not there.
 ///
 /// # Errors
 /// [`Error::Io`] for missing scans or a folder that cannot be written, those of the readers.
-pub fn write(options: &Options, folder: &Path) -> Result<()> {
+pub fn write(options: &Options, folder: &Path) -> Result<Vec<String>> {
     let wanted = |cell: &Cell| {
         cell.reading == Reading::Fitting
             && cell.test != Test::Sensitivity
@@ -27,12 +28,15 @@ pub fn write(options: &Options, folder: &Path) -> Result<()> {
             // The pairs do not depend on who registers them.
             && cell.contender == Contender::Cf
     };
-    let trials = if options.smoke { 2 } else { 100 };
-    for cell in cell::cells(trials, 0, 0).iter().filter(|cell| wanted(cell)) {
-        let model = models::load(&options.data, cell.shape, cell.reading)?.model;
-        write_cell(cell, &model, &folder.join(cell.trials_name()))?;
+    let (trials, ..) = super::sizes(options.smoke);
+    let cells: Vec<Cell> = cell::cells(trials, 0, 0).into_iter().filter(wanted).collect();
+    let (sources, left_out) = super::load(options, &cells)?;
+    for cell in &cells {
+        if let Some(source) = sources.get(&cell.model()) {
+            write_cell(cell, &source.model, &folder.join(cell.trials_name()))?;
+        }
     }
-    Ok(())
+    Ok(left_out)
 }
 
 fn write_cell(cell: &Cell, model: &Model, folder: &Path) -> Result<()> {

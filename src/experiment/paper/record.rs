@@ -5,8 +5,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
+use super::models::Source;
 use crate::error::Result;
-use crate::experiment::protocol::{Draw, Trial};
+use crate::experiment::protocol::{Draw, REVISION, Trial};
 use crate::experiment::{Model, Spread, sheet};
 use crate::method::{Method, Register};
 use crate::par;
@@ -31,7 +32,6 @@ pub struct Record {
     /// Why there is no answer; empty with one.
     pub error: String,
     /// Points of the source that took part: all, those with a descriptor, or keypoints.
-    #[serde(default)]
     pub described: Option<u32>,
 }
 
@@ -48,22 +48,26 @@ struct Configuration<'a> {
     cell: Cell,
     points: usize,
     seed: u64,
+    revision: u32,
     version: &'static str,
     method: Method,
+    model: &'a str,
     /// What stands in for the paper's model; empty where nothing does.
     #[serde(skip_serializing_if = "str::is_empty")]
     stand_in: &'a str,
 }
 
 impl<'a> Configuration<'a> {
-    fn of(cell: &Cell, stand_in: &'a str) -> Self {
+    fn of(cell: &Cell, source: &'a Source) -> Self {
         Configuration {
             cell: *cell,
             points: POINTS,
             seed: SEED,
+            revision: REVISION,
             version: env!("CARGO_PKG_VERSION"),
             method: cell.method(),
-            stand_in,
+            model: &source.digest,
+            stand_in: &source.remark,
         }
     }
 }
@@ -86,7 +90,10 @@ pub(super) fn trial(cell: &Cell, model: &Model, number: usize) -> Result<Trial> 
         number: number as u64,
     };
     let trial = cell.protocol().trial(model, draw)?;
-    cell.variation.map_or(Ok(trial.clone()), |variation| variation.trial(trial))
+    match cell.variation {
+        Some(variation) => variation.trial(trial),
+        None => Ok(trial),
+    }
 }
 
 impl Trials {
@@ -133,18 +140,18 @@ impl Trials {
         Ok(Trials { records: records.into_iter().collect::<Result<_>>()? })
     }
 
-    /// Writes the trials of `cell` as CSV, after a comment with all that they depend on;
-    /// `stand_in` is what stands in for the paper's model ([`Source`](super::models::Source)).
+    /// Writes the trials of `cell` on `source` as CSV, after a comment with all that they
+    /// depend on.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, cell: &Cell, stand_in: &str, path: &Path) -> Result<()> {
-        sheet::write(path, &Configuration::of(cell, stand_in), &self.records)
+    pub fn write(&self, cell: &Cell, source: &Source, path: &Path) -> Result<()> {
+        sheet::write(path, &Configuration::of(cell, source), &self.records)
     }
 
     /// Reads what [`write`](Self::write) wrote, if it is there, whole and of this very cell.
-    pub fn read(cell: &Cell, stand_in: &str, path: &Path) -> Option<Self> {
-        let records = sheet::read(path, &Configuration::of(cell, stand_in))?;
+    pub fn read(cell: &Cell, source: &Source, path: &Path) -> Option<Self> {
+        let records = sheet::read(path, &Configuration::of(cell, source))?;
         Some(Trials { records })
     }
 
@@ -185,18 +192,26 @@ mod tests {
     fn trials_come_back_and_others_are_not_taken_for_them() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cell.csv");
-        let model = boulder().into();
-        let trials = Trials::run(&cell(3), &model).unwrap();
-        assert_eq!(trials, Trials::run(&cell(3), &model).unwrap());
-        trials.write(&cell(3), "", &path).unwrap();
-        assert_eq!(Trials::read(&cell(3), "", &path), Some(trials.clone()));
+        let source = |remark: &str, digest: &str| Source {
+            model: boulder().into(),
+            path: "boulder".into(),
+            remark: remark.into(),
+            digest: digest.into(),
+        };
+        let own = source("", "1");
+        let trials = Trials::run(&cell(3), &own.model).unwrap();
+        assert_eq!(trials, Trials::run(&cell(3), &own.model).unwrap());
+        trials.write(&cell(3), &own, &path).unwrap();
+        assert_eq!(Trials::read(&cell(3), &own, &path), Some(trials.clone()));
         let other = Cell { contender: Contender::Cpd, ..cell(3) };
-        assert_eq!(Trials::read(&other, "", &path), None);
-        assert_eq!(Trials::read(&cell(4), "", &path), None);
-        assert_eq!(Trials::read(&cell(3), "a model of clay", &path), None);
+        assert_eq!(Trials::read(&other, &own, &path), None);
+        assert_eq!(Trials::read(&cell(4), &own, &path), None);
+        for another in [source("a model of clay", "1"), source("", "2")] {
+            assert_eq!(Trials::read(&cell(3), &another, &path), None);
+        }
         // Cut short, as by a crash.
         let text = std::fs::read(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 30]).unwrap();
-        assert_eq!(Trials::read(&cell(3), "", &path), None);
+        assert_eq!(Trials::read(&cell(3), &own, &path), None);
     }
 }

@@ -18,7 +18,7 @@ pub use report::{draw, markdown};
 
 use super::paper::cell::{Reading, Shape};
 use super::paper::models;
-use super::protocol::{Draw, Protocol, Trial};
+use super::protocol::{Draw, Protocol, REVISION, Trial};
 use super::{Model, Motion, sheet};
 use crate::error::{Error, Result};
 use crate::method::{Method, Register, Registration};
@@ -53,12 +53,12 @@ pub struct Limit {
 }
 
 impl Options {
-    /// From 500 points to where a run takes 10 s or 2 GB, in a few minutes; with `smoke` at
+    /// From 500 points to where a run takes 10 s or 2 GiB, in a few minutes; with `smoke` at
     /// three sizes in a few seconds.
     pub fn new(data: PathBuf, output: PathBuf, smoke: bool) -> Self {
         let hundreds = [5, 10, 20, 50, 100, 200, 500, 1000, 2000];
         let sizes = if smoke { vec![300, 600, 1200] } else { hundreds.map(|k| 100 * k).into() };
-        let seconds = if smoke { 1.0 } else { 10.0 };
+        let seconds = if smoke { 30.0 } else { 10.0 };
         Options { data, output, sizes, limit: Limit { seconds, bytes: 2 << 30 } }
     }
 }
@@ -107,6 +107,8 @@ struct Settings<'a> {
     sizes: &'a [usize],
     limit: Limit,
     memory: bool,
+    model: String,
+    revision: u32,
     version: &'static str,
     methods: &'a [Method],
     remark: &'static str,
@@ -136,6 +138,7 @@ pub fn run(
     }
     let path = options.output.join("scaling.csv");
     let methods: Vec<Method> = METHODS.iter().map(|name| name.parse()).collect::<Result<_>>()?;
+    let models::Source { model, digest, .. } = models::load(&options.data, Shape::Bunny, READING)?;
     let settings = Settings {
         shape: Shape::Bunny,
         reading: READING,
@@ -144,6 +147,8 @@ pub fn run(
         sizes: &options.sizes,
         limit: options.limit,
         memory: meter.is_some(),
+        model: digest,
+        revision: REVISION,
         version: env!("CARGO_PKG_VERSION"),
         methods: &methods,
         remark: REMARK,
@@ -152,7 +157,6 @@ pub fn run(
         return Ok(runs);
     }
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
-    let model = models::load(&options.data, Shape::Bunny, READING)?.model;
     let runs = measured(options, &methods, &model, meter, progress)?;
     sheet::write(&path, &settings, &runs)?;
     Ok(runs)

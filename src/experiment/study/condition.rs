@@ -83,6 +83,7 @@ impl fmt::Display for Condition {
 pub struct Scenes {
     scans: Vec<(Shape, Model)>,
     views: Vec<(Shape, Views)>,
+    digests: [String; 2],
 }
 
 impl Scenes {
@@ -94,31 +95,53 @@ impl Scenes {
         if scans.is_empty() {
             return Err(Error::config("scans", "[]", "a study needs at least one"));
         }
-        let view = |(shape, mesh)| Ok((shape, Views::new(mesh)?));
-        Ok(Scenes { scans, views: objects.into_iter().map(view).collect::<Result<_>>()? })
+        let scanned: Vec<String> = scans.iter().map(|(_, model)| model.digest()).collect();
+        let (mut views, mut whole) = (Vec::new(), Vec::new());
+        for (shape, mesh) in objects {
+            whole.push(Model::from(mesh.clone()).digest());
+            views.push((shape, Views::new(mesh)?));
+        }
+        Ok(Scenes { scans, views, digests: [scanned.join(" "), whole.join(" ")] })
     }
 
     /// Of the paper's scans and of the whole objects that `folder` has
-    /// ([`models::load`], [`models::object`]).
+    /// ([`models::load`], [`models::object`]), and a line for each that it has not.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new) and of the readers.
-    pub fn load(folder: &Path) -> Result<Self> {
-        let (mut scans, mut objects) = (Vec::new(), Vec::new());
+    /// [`Error::Io`] where there is no scan; those of [`new`](Self::new) and of the readers.
+    pub fn load(folder: &Path) -> Result<(Self, Vec<String>)> {
+        let (mut scans, mut objects, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+        let mut last = None;
         for shape in Shape::ALL {
             match models::load(folder, shape, Reading::Fitting) {
                 Ok(source) => scans.push((shape, source.model)),
-                Err(error) if models::is_missing(&error) => {}
+                Err(error) if models::is_missing(&error) => {
+                    left_out.push(format!("{shape} left out: {error}"));
+                    last = Some(error);
+                }
                 Err(error) => return Err(error),
             }
-            objects.extend(models::object(folder, shape)?.map(|mesh| (shape, mesh)));
+            match models::object(folder, shape)? {
+                Some(mesh) => objects.push((shape, mesh)),
+                None => {
+                    left_out.push(format!("{shape} left out of partial overlap: no whole surface"));
+                }
+            }
         }
-        Scenes::new(scans, objects)
+        match last.filter(|_| scans.is_empty()) {
+            Some(error) => Err(error),
+            None => Ok((Scenes::new(scans, objects)?, left_out)),
+        }
     }
 
     /// Whether there is anything to make such trials of.
     pub fn have(&self, condition: Condition) -> bool {
         !matches!(condition, Condition::Overlap(_)) || !self.views.is_empty()
+    }
+
+    /// Digests of the models that trials of `condition` are drawn from.
+    pub(super) fn digest(&self, condition: Condition) -> &str {
+        &self.digests[usize::from(matches!(condition, Condition::Overlap(_)))]
     }
 
     /// Trial `number` of `condition`, and of which shape it is: they take turns. `None` where

@@ -32,8 +32,8 @@ use crate::method::{Method, Teaser};
 /// What is run, and where it goes.
 pub struct Options {
     /// Folder of the results, made if it is not there; what is in it already, made by the
-    /// same settings, is not run again (but for one's own schemes, which may have changed
-    /// under their names).
+    /// same settings, is not run again; with schemes of one's own, which may have changed
+    /// under their names, all finals are.
     pub output: PathBuf,
     /// A few schemes and trials only.
     pub smoke: bool,
@@ -61,10 +61,12 @@ impl Study {
     }
 }
 
-/// Points of a cloud, as in the paper's tests.
-const POINTS: usize = 500;
-/// Seeds of the two rounds; those of the paper's tests are others.
-const SEEDS: [u64; 2] = [11, 12];
+/// Seeds of the two rounds; those of the paper's tests, and of what was tried before the grid
+/// was made, are others.
+const SEEDS: [u64; 2] = [11, 13];
+
+/// The method of many steps that stands beside the schemes.
+const BESIDE: &str = "TEASER";
 
 /// Runs the study on `scenes`; `progress` is told how many parts of how many are done.
 ///
@@ -88,7 +90,7 @@ pub fn run(
     let mut screened = Vec::new();
     for (done, &condition) in conditions.iter().enumerate() {
         progress(done, parts);
-        let draws = Draws { condition, points: POINTS, seed: SEEDS[0], trials: few };
+        let draws = Draws::new(scenes, condition, SEEDS[0], few);
         screened.extend(screening::run(scenes, draws, &grid, &options.output)?);
     }
 
@@ -96,7 +98,7 @@ pub fn run(
     let beside = Teaser { noise_bound: Some(0.05), ..Teaser::default() };
     let mut entrants: Vec<Entrant<'_>> =
         finalists.into_iter().chain(&options.own).map(Entrant::Scheme).collect();
-    entrants.push(Entrant::Beside("TEASER", Method::Teaser(beside)));
+    entrants.push(Entrant::Beside(BESIDE, Method::Teaser(beside)));
     let names: Vec<String> = entrants.iter().map(|entrant| entrant.name().to_string()).collect();
     if let Some(twice) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(Error::config("scheme", &names[twice], "must be the name of one scheme only"));
@@ -104,9 +106,9 @@ pub fn run(
     let mut finals = Vec::new();
     for (done, &condition) in conditions.iter().enumerate() {
         progress(conditions.len() + done, parts);
-        let draws = Draws { condition, points: POINTS, seed: SEEDS[1], trials: many };
+        let draws = Draws::new(scenes, condition, SEEDS[1], many);
         let path = options.output.join(format!("final_{}.csv", condition.stem()));
-        let maker = ("final", draws, env!("CARGO_PKG_VERSION"));
+        let maker = ("final", draws);
         let known = sheet::read(&path, &maker).filter(|rows: &Vec<Outcome>| {
             options.own.is_empty()
                 && rows.len() == many * names.len()

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::condition::Condition;
 use super::scheme::{Place, Points};
 use super::tables::of;
-use super::{Outcome, Screened, Study};
+use super::{BESIDE, Outcome, Screened, Study};
 use crate::error::Result;
 use crate::experiment::Spread;
 use crate::experiment::figure::{Axes, Content, Curve, Figure, Panel};
@@ -45,7 +45,7 @@ fn against(study: &Study, kind: &str, x: &str) -> Panel {
         curve
     };
     let steps = Place::STEPS.iter().map(Place::name).zip(Place::STEP_NAMES);
-    let curves = steps.chain([("TEASER".to_string(), "TEASER")]).map(curve).collect();
+    let curves = steps.chain([(BESIDE.to_string(), BESIDE)]).map(curve).collect();
     let content =
         Content::Curves { x: x.into(), y: "mean |I - R Rgt^T|".into(), axes: Axes::Linear, curves };
     Panel { title: kind.into(), content }

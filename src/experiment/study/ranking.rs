@@ -69,15 +69,14 @@ pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) ->
     let whole: Vec<Vec<f64>> =
         conditions.iter().map(|errors| errors.means(0..errors.trials())).collect();
     let all = scores(&of, &whole, base);
+    let n = conditions.iter().map(|errors| errors.trials()).min().unwrap_or(0);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut again = |errors: &&Errors| {
-        let n = errors.trials();
-        let chosen: Vec<usize> = (0..n).map(|_| rng.random_range(0..n)).collect();
-        errors.means(chosen.iter().copied())
-    };
     let drawn: Vec<Vec<Vec<f64>>> = (0..DRAWS)
         .map(|_| {
-            let means: Vec<Vec<f64>> = conditions.iter().map(&mut again).collect();
+            // The same numbers in all conditions: trials of a number share their draws.
+            let chosen: Vec<usize> = (0..n).map(|_| rng.random_range(0..n)).collect();
+            let means: Vec<Vec<f64>> =
+                conditions.iter().map(|errors| errors.means(chosen.iter().copied())).collect();
             scores(&of, &means, base)
         })
         .collect();
@@ -145,8 +144,8 @@ mod tests {
         let names = ["paper".to_string(), "better".to_string()];
         let conditions = [
             errors(Condition::Independent, &[0.1, 0.4, 0.2], 0.5),
-            errors(Condition::Noise(0.01), &[0.3, 0.3], 0.5),
-            errors(Condition::Noise(0.02), &[1.0, 2.0], 0.02),
+            errors(Condition::Noise(0.01), &[0.3, 0.3, 0.3], 0.5),
+            errors(Condition::Noise(0.02), &[1.0, 2.0, 1.0], 0.02),
         ];
         let standings = standings(&names, 0, &conditions);
         assert_eq!(standings[0].scheme, "better");
@@ -158,6 +157,23 @@ mod tests {
         assert!((overall.value - 0.05f64.sqrt()).abs() < 1e-12);
         assert!(overall.high - overall.low < 1e-12);
         assert_eq!(standings[1].overall.value, 1.0);
+    }
+
+    #[test]
+    fn conditions_that_share_their_trials_are_no_more_certain_than_one() {
+        let names = ["paper".to_string(), "other".to_string()];
+        let one = |sigma| {
+            let other: Vec<f64> = (0..40).map(|k| if k % 4 == 0 { 2.0 } else { 0.4 }).collect();
+            Errors { condition: Condition::Noise(sigma), errors: vec![vec![1.0; 40], other] }
+        };
+        let of = |conditions: &[Errors]| {
+            let found = standings(&names, 0, conditions);
+            found.iter().find(|s| s.scheme == "other").unwrap().overall
+        };
+        let (alone, twice) = (of(&[one(0.01)]), of(&[one(0.01), one(0.02)]));
+        for (a, b) in [(alone.low, twice.low), (alone.high, twice.high)] {
+            assert!((a - b).abs() < 1e-12, "{alone:?} {twice:?}");
+        }
     }
 
     #[test]

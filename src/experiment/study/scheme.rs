@@ -183,7 +183,8 @@ impl Place {
         normalize: Normalization::None,
     };
 
-    /// The best of the study, [`Cf::multiscale`](crate::method::Cf::multiscale).
+    /// [`Cf::multiscale`](crate::method::Cf::multiscale): within the interval of the first of
+    /// the study, and the one of those that also holds under noise.
     pub const BEST: Place = Place {
         points: Points::ALL[14],
         kernel: WeightScheme::Gaussian,

@@ -30,7 +30,7 @@ pub struct Screened {
     pub amount: f64,
     /// Mean of ‖I − R R_gtᵀ‖_F; trials without an answer count as half turns.
     pub mean_frobenius: f64,
-    /// Median rotation error, degrees; empty where most trials have no answer.
+    /// Median rotation error, degrees; empty where half of the trials have no answer.
     pub median_deg: Option<f64>,
     /// Trials without an answer.
     pub failures: usize,
@@ -39,12 +39,12 @@ pub struct Screened {
 /// Screens `grid` in one condition, or reads what was screened before.
 pub(super) fn run(
     scenes: &Scenes,
-    draws: Draws,
+    draws: Draws<'_>,
     grid: &[Scheme],
     folder: &Path,
 ) -> Result<Vec<Screened>> {
     let path = folder.join(format!("screening_{}.csv", draws.condition.stem()));
-    let maker = ("screening", draws, env!("CARGO_PKG_VERSION"));
+    let maker = ("screening", draws);
     let same = |rows: &Vec<Screened>| {
         rows.len() == grid.len() && rows.iter().zip(grid).all(|(row, at)| row.scheme == at.name)
     };
@@ -73,7 +73,9 @@ fn row<'a>(
     let mut degrees: Vec<f64> =
         outcomes.map(|outcome| outcome.rotation_deg.unwrap_or(f64::INFINITY)).collect();
     degrees.sort_by(f64::total_cmp);
-    let median = degrees.get(degrees.len() / 2).copied().filter(|degrees| degrees.is_finite());
+    let at = |index: usize| degrees.get(index).copied();
+    let middle = [(degrees.len().max(1) - 1) / 2, degrees.len() / 2].map(at);
+    let median = middle[0].zip(middle[1]).map(|(a, b)| (a + b) / 2.0).filter(|m| m.is_finite());
     let Place { points, kernel, beta, normalize } = scheme.place.unwrap_or(Place::PAPER);
     let (kind, amount) = condition.kind();
     Screened {

@@ -5,14 +5,14 @@ use std::fmt::Write;
 use super::condition::Condition;
 use super::ranking::{self, Interval};
 use super::scheme::Place;
-use super::{Outcome, Study};
+use super::{BESIDE, Outcome, Study};
 use crate::experiment::Spread;
 use crate::experiment::paper::cell::Shape;
 
 const LEGEND: &str = "# Weight schemes\n\n\
     Every scheme is one step: weights on the full connection from descriptors, one closed form. \
     Named `nearest points of each scale (nN: N for its normals) and whose histogram (PCL's if none \
-    is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's.\n";
+    is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's. No answer counts as a half turn.\n";
 
 /// The study as tables.
 pub(super) fn markdown(study: &Study) -> String {
@@ -56,9 +56,10 @@ fn ranking(text: &mut String, study: &Study) {
 /// the method that stands beside.
 pub(super) fn notable(study: &Study) -> Vec<String> {
     let mut names: Vec<String> = Place::STEPS.iter().map(Place::name).collect();
-    let winner = study.standings.first().map(|standing| standing.scheme.clone());
-    names.extend(winner.filter(|winner| winner != "TEASER"));
-    names.push("TEASER".into());
+    let best = study.standings.iter().find(|standing| standing.scheme != BESIDE);
+    let winner = best.map(|standing| standing.scheme.clone());
+    names.extend(winner);
+    names.push(BESIDE.into());
     let mut once: Vec<String> = Vec::new();
     names.into_iter().for_each(|name| {
         if !once.contains(&name) {

@@ -6,7 +6,7 @@ use super::condition::{Condition, Scenes};
 use super::scheme::Scheme;
 use crate::error::{Error, Result};
 use crate::experiment::paper::cell::Shape;
-use crate::experiment::protocol::Trial;
+use crate::experiment::protocol::{REVISION, Trial};
 use crate::method::{Describe, Method, Register, Timings};
 use crate::moments::FullConnection;
 use crate::par;
@@ -51,20 +51,44 @@ impl Outcome {
     }
 }
 
-/// Where trials come from.
+/// Where trials come from: all that their outcomes depend on, but for the schemes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Draws {
+pub(super) struct Draws<'a> {
     pub(super) condition: Condition,
     pub(super) points: usize,
     pub(super) seed: u64,
     pub(super) trials: usize,
+    revision: u32,
+    version: &'static str,
+    models: &'a str,
 }
+
+impl<'a> Draws<'a> {
+    pub(super) fn new(scenes: &'a Scenes, condition: Condition, seed: u64, trials: usize) -> Self {
+        Draws {
+            condition,
+            points: POINTS,
+            seed,
+            trials,
+            revision: REVISION,
+            version: env!("CARGO_PKG_VERSION"),
+            models: scenes.digest(condition),
+        }
+    }
+}
+
+/// Points of a cloud, as in the paper's tests.
+const POINTS: usize = 500;
 
 /// Every entrant on every trial: trial by trial, in the order of the entrants.
 ///
 /// # Errors
 /// Those of [`Scenes::trial`]; an entrant without an answer is an outcome.
-pub(super) fn run(scenes: &Scenes, draws: Draws, entrants: &[Entrant<'_>]) -> Result<Vec<Outcome>> {
+pub(super) fn run(
+    scenes: &Scenes,
+    draws: Draws<'_>,
+    entrants: &[Entrant<'_>],
+) -> Result<Vec<Outcome>> {
     let one = |number: usize| {
         let Draws { condition, points, seed, .. } = draws;
         let number = number as u64;
