@@ -57,8 +57,9 @@ impl Thinning {
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
 pub(super) struct MethodOptions {
-    /// Registration method: cf (the paper's full connection), cf-multiscale (with the
-    /// sharpest weights), cfk (of keypoints), teaser;
+    /// Registration method: cf (the paper's full connection), cf-multiscale (at three
+    /// scales, with a bandwidth from the descriptors and dual softmax: other defaults below),
+    /// cfk (of keypoints), teaser;
     /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
     /// kc, cpd, dare
     #[arg(long, default_value = "cf")]
@@ -92,8 +93,8 @@ pub(super) struct MethodOptions {
     /// uniform [default: gaussian]
     #[arg(long)]
     weights: Option<WeightScheme>,
-    /// Squared bandwidth of the kernel, in squared descriptor units, or auto: from how
-    /// alike the most similar points are [default: 100 with --histogram pcl, 400 with
+    /// Squared bandwidth of the kernel, in squared descriptor units, or auto[:SHARE]: a share
+    /// (0.25) of the median squared distance to the most similar point [default: 100 with --histogram pcl, 400 with
     /// open3d]
     #[arg(long, allow_negative_numbers = true)]
     beta: Option<Bandwidth>,

@@ -97,12 +97,14 @@ impl Register {
 
 /// What may help against a doubt, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
-    match registration.config {
-        Method::Cf(_) | Method::Cfk(_) => {
-            "--normalize both, --refine gicp, another --voxel, or --orientation"
+    match &registration.config {
+        Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
+            "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
         }
+        Method::Cf(_) => "--refine gicp, another --voxel, or --orientation",
+        Method::Cfk(_) => "--normalize both, --refine gicp, another --voxel, or --orientation",
         Method::Teaser(_) => "--refine gicp, another --set noise_bound, or --orientation",
-        _ => "a start nearer to the pose, such as by --method cf --normalize both --refine",
+        _ => "a start nearer to the pose, such as by --method cf-multiscale --refine",
     }
 }
 

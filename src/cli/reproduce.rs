@@ -13,9 +13,10 @@ use crate::par;
 
 #[derive(Args)]
 pub(super) struct Reproduce {
-    /// Folder for the results; a run that was cut short goes on from what is there
-    #[arg(long, value_name = "DIR", default_value = "paper/results")]
-    output: PathBuf,
+    /// Folder for the results; a run that was cut short goes on from what is there [default:
+    /// paper/results, with --smoke paper/smoke]
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
     /// Folder of the scans [default: $CFREG_DATA, else data/scans]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -94,7 +95,13 @@ impl Reproduce {
     }
 
     fn options(&self, data: PathBuf, only: Option<Part>) -> Options {
-        Options { data, output: self.output.clone(), smoke: self.smoke, only }
+        Options { data, output: self.output(), smoke: self.smoke, only }
+    }
+
+    /// A check in small must not replace what took half an hour.
+    fn output(&self) -> PathBuf {
+        let usual = if self.smoke { "paper/smoke" } else { "paper/results" };
+        self.output.clone().unwrap_or_else(|| usual.into())
     }
 
     fn paper(&self, options: &Options) -> Result<()> {
@@ -114,7 +121,7 @@ impl Reproduce {
     }
 
     fn weights(&self, data: &Path) -> Result<()> {
-        let output = self.output.join("weights");
+        let output = self.output().join("weights");
         let options = study::Options { output, smoke: self.smoke, own: Vec::new() };
         let (scenes, left_out) = study::Scenes::load(data)?;
         complain(&left_out);
@@ -130,7 +137,7 @@ impl Reproduce {
     }
 
     fn scaling(&self, data: PathBuf, meter: Option<Meter>) -> Result<()> {
-        let options = scaling::Options::new(data, self.output.clone(), self.smoke);
+        let options = scaling::Options::new(data, self.output(), self.smoke);
         let bar = progress(1, "sizes");
         let runs = scaling::run(&options, meter, |done, all| {
             bar.set_length(all as u64);

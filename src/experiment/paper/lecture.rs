@@ -40,7 +40,7 @@ pub struct Outcome {
     pub transform: Transform,
     /// Whether it says that the pose may be trusted.
     pub trusted: bool,
-    /// How far off it is.
+    /// How far off it is; the translation in the scans' unit, centimetres.
     pub error: TruthError,
 }
 
@@ -84,7 +84,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
 pub fn panels(hall: &Hall) -> Vec<Panel> {
     let panel =
         |title: String, source: &PointCloud| Panel { title, content: pair(&hall.target, source) };
-    let mut panels = vec![panel("initial".into(), &hall.source)];
+    let mut panels = vec![panel("initial (terrestrial scans that stand in)".into(), &hall.source)];
     for outcome in &hall.outcomes {
         if let Ok(moved) = hall.source.transformed(&outcome.transform) {
             let verdict = if outcome.trusted { "trusted" } else { "not trusted" };

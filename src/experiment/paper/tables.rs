@@ -176,7 +176,8 @@ fn tables(results: &Results) -> Vec<Table> {
 pub(super) fn shown(entry: &Entry, between: &str) -> String {
     let spread =
         |spread: Spread| format!("{}{between}{}", number(spread.mean), number(spread.deviation));
-    let mut text = entry.ours.map_or("none".to_string(), spread);
+    let without = if entry.failures > 0 { "none" } else { "not run" };
+    let mut text = entry.ours.map_or(without.to_string(), spread);
     if let Some(printed) = entry.printed {
         let mark = entry.ours.map_or("", |ours| Verdict::of(ours.mean, Some(printed)).mark());
         let _ = write!(text, " \\| {} {mark}", spread(printed));

@@ -98,7 +98,7 @@ pub fn run(
     let beside = Teaser { noise_bound: Some(0.05), ..Teaser::default() };
     let mut entrants: Vec<Entrant<'_>> =
         finalists.into_iter().chain(&options.own).map(Entrant::Scheme).collect();
-    entrants.push(Entrant::Beside(BESIDE, Method::Teaser(beside)));
+    entrants.push(Entrant::Beside(BESIDE, Box::new(Method::Teaser(beside))));
     let names: Vec<String> = entrants.iter().map(|entrant| entrant.name().to_string()).collect();
     if let Some(twice) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(Error::config("scheme", &names[twice], "must be the name of one scheme only"));

@@ -17,7 +17,7 @@ pub(super) enum Entrant<'a> {
     /// Weights once, one solve.
     Scheme(&'a Scheme),
     /// A method to stand beside, by a name for tables.
-    Beside(&'static str, Method),
+    Beside(&'static str, Box<Method>),
 }
 
 impl Entrant<'_> {
