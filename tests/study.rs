@@ -74,4 +74,14 @@ fn a_second_run_gives_the_same_bytes_and_goes_on_where_it_was_cut() {
     fs::write(&half, &text[..text.len() - 7]).unwrap();
     study(folder.path(), Vec::new()).unwrap();
     assert!(files(folder.path()) == first, "a second run differs");
+
+    // What is whole is read, not run again: a number that nothing would make is kept.
+    let kept = folder.path().join("final_independent.csv");
+    let text = fs::read_to_string(&kept).unwrap();
+    let row = text.lines().nth(2).unwrap();
+    let other = format!("{},0.125", row.rsplit_once(',').unwrap().0);
+    let edited = text.replacen(row, &other, 1);
+    fs::write(&kept, &edited).unwrap();
+    study(folder.path(), Vec::new()).unwrap();
+    assert_eq!(fs::read_to_string(&kept).unwrap(), edited);
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 
 use super::{Outcome, print, progress, say};
 use crate::error::Result;
@@ -106,12 +107,7 @@ impl Reproduce {
 
     fn paper(&self, options: &Options) -> Result<()> {
         let bar = progress(1, "cells");
-        let done = par::with_threads(self.threads, || {
-            paper::run(options, |done, all| {
-                bar.set_length(all as u64);
-                bar.set_position(done as u64);
-            })
-        })??;
+        let done = par::with_threads(self.threads, || paper::run(options, follow(&bar)))??;
         bar.finish_and_clear();
         complain(&done.left_out);
         match options.only {
@@ -126,12 +122,8 @@ impl Reproduce {
         let (scenes, left_out) = study::Scenes::load(data)?;
         complain(&left_out);
         let bar = progress(1, "conditions");
-        let study = par::with_threads(self.threads, || {
-            study::run(&options, &scenes, |done, all| {
-                bar.set_length(all as u64);
-                bar.set_position(done as u64);
-            })
-        })??;
+        let study =
+            par::with_threads(self.threads, || study::run(&options, &scenes, follow(&bar)))??;
         bar.finish_and_clear();
         print(&study.markdown())
     }
@@ -139,13 +131,18 @@ impl Reproduce {
     fn scaling(&self, data: PathBuf, meter: Option<Meter>) -> Result<()> {
         let options = scaling::Options::new(data, self.output(), self.smoke);
         let bar = progress(1, "sizes");
-        let runs = scaling::run(&options, meter, |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        })?;
+        let runs = scaling::run(&options, meter, follow(&bar))?;
         bar.finish_and_clear();
         scaling::draw(&runs, &options.output)?;
         print(&scaling::markdown(&runs))
+    }
+}
+
+/// Moves `bar` to how many parts of how many are done.
+fn follow(bar: &ProgressBar) -> impl FnMut(usize, usize) {
+    |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
     }
 }
 

@@ -64,8 +64,8 @@ impl Cf {
     /// scales, each with normals of its own and a point's own histogram in it (Open3D's
     /// scale), a bandwidth from the descriptors, dual softmax.
     ///
-    /// On independent samples a quarter of the default's rotation error, at four to six
-    /// times its cost (3,000 to 10,000 points).
+    /// On independent samples a quarter of the default's rotation error, at five to six
+    /// times its cost (500 to 10,000 points, `cfreg reproduce --only scaling`).
     ///
     /// ```
     /// use cfreg::method::{Cf, Register};

@@ -190,7 +190,10 @@ impl Cell {
     /// The contender's method, as varied.
     pub fn method(&self) -> Method {
         let method = self.contender.method();
-        self.variation.map_or(method.clone(), |variation| variation.method(method))
+        match self.variation {
+            Some(variation) => variation.method(method),
+            None => method,
+        }
     }
 
     /// Where normals look.
@@ -247,7 +250,7 @@ impl Cell {
 pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
     let mut cells = Vec::new();
     let mut add = |test, reading, shape, noise, trials| {
-        for motion in [Motion::Small, Motion::Large] {
+        for motion in Motion::ALL {
             for contender in Contender::ALL {
                 let variation = None;
                 cells.push(Cell {

@@ -44,8 +44,8 @@ pub struct Outcome {
     pub error: TruthError,
 }
 
-/// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three scales; `None` where
-/// the scans are not.
+/// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three
+/// scales; `None` where the scans are not.
 ///
 /// # Errors
 /// Those of the readers and of the methods.

@@ -142,6 +142,6 @@ fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
     }
     // One line a shape: its readings miss the same.
     missing.dedup_by_key(|(shape, _)| *shape);
-    let line = |(shape, error): &(Shape, Error)| format!("{shape} left out: {error}");
-    Ok((sources, missing.iter().map(line).collect()))
+    let lines = missing.iter().map(|(shape, error)| models::left_out(*shape, error));
+    Ok((sources, lines.collect()))
 }

@@ -155,6 +155,11 @@ pub fn is_missing(error: &Error) -> bool {
     matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
 }
 
+/// A line for people: which shape is missing, and how to get it.
+pub fn left_out(shape: Shape, error: &Error) -> String {
+    format!("{shape} left out: {error}")
+}
+
 /// Metres a unit of Stanford's Armadillo: 151 units are the height of the statue without its
 /// stand, 0.254.
 const UNIT: f64 = 0.00168;

@@ -72,7 +72,7 @@ fn shapes(data: &Path) -> Result<Vec<Panel>> {
 /// Source and target at three levels of noise, for both motions.
 fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     let mut panels = Vec::new();
-    for motion in [Motion::Small, Motion::Large] {
+    for motion in Motion::ALL {
         for sigma in [0.002, 0.01, 0.02] {
             let trial = Protocol::Sensitivity { sigma }.trial(&bunny.model, drawn(motion, 0))?;
             let content = pair(&trial.target, &trial.source);
@@ -85,7 +85,7 @@ fn noise(bunny: &Source) -> Result<Vec<Panel>> {
 /// Mean and deviation of the average shift over the noise, for both motions.
 fn sensitivity(results: &Results) -> Vec<Panel> {
     let mut panels = Vec::new();
-    for motion in [Motion::Small, Motion::Large] {
+    for motion in Motion::ALL {
         for deviation in [false, true] {
             let point = |(cell, trials): &(Cell, super::Trials)| {
                 let spread = trials.spread(|record: &Record| record.average_shift)?;

@@ -200,8 +200,7 @@ fn topics() -> Vec<Topic> {
             move |motion| Column { test: Test::Sensitivity, shape: Shape::Bunny, motion, noise };
         Motion::ALL.map(of)
     });
-    // DARE, which describes nothing and shifts by the same within a tenth either way, would take a quarter
-    // of the time of the whole table.
+    // Without DARE, which describes nothing and takes longest.
     let swift = Contender::ALL.into_iter().filter(|&contender| contender != Contender::Dare);
     let sampled = swift.flat_map(|contender| {
         [(Reading::Fitting, "surface"), (Reading::Points, "points")].map(|(reading, from)| {

@@ -75,9 +75,7 @@ impl Variation {
             _ => otherwise,
         }
     }
-}
 
-impl Variation {
     /// `trial` with this setting.
     ///
     /// # Errors
@@ -96,7 +94,10 @@ fn rounded(cloud: &PointCloud, decimals: u32) -> Result<PointCloud> {
     let unit = 10f64.powi(decimals as i32);
     let points: Vec<_> = cloud.positions().map(|p| p.map(|x| (x * unit).round() / unit)).collect();
     let rounded = PointCloud::new(&points)?;
-    cloud.viewpoint().map_or(Ok(rounded.clone()), |viewpoint| rounded.with_viewpoint(viewpoint))
+    match cloud.viewpoint() {
+        Some(viewpoint) => rounded.with_viewpoint(viewpoint),
+        None => Ok(rounded),
+    }
 }
 
 /// A word for the names of files.

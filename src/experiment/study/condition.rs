@@ -116,7 +116,7 @@ impl Scenes {
             match models::load(folder, shape, Reading::Fitting) {
                 Ok(source) => scans.push((shape, source.model)),
                 Err(error) if models::is_missing(&error) => {
-                    left_out.push(format!("{shape} left out: {error}"));
+                    left_out.push(models::left_out(shape, &error));
                     last = Some(error);
                 }
                 Err(error) => return Err(error),

@@ -138,6 +138,16 @@ pub fn run(
     Ok(study)
 }
 
+/// `items` without those that came before.
+fn once<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    items.into_iter().fold(Vec::new(), |mut once, item| {
+        if !once.contains(&item) {
+            once.push(item);
+        }
+        once
+    })
+}
+
 /// One condition a kind is enough to see that all runs.
 const SKIPPED_BY_SMOKE: [Condition; 8] = [
     Condition::Noise(0.005),

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::condition::{Condition, Scenes};
+use super::once;
 use super::ranking::{self, Errors};
 use super::scheme::{Place, Scheme};
 use super::trials::{self, Draws, Entrant, Outcome};
@@ -108,22 +109,26 @@ pub(super) fn finalists<'a>(
     let mut chosen: Vec<usize> = Place::STEPS.iter().filter_map(at).collect();
     // The grid begins with the uniform kernel.
     chosen.push(0);
-    let means: Vec<Vec<f64>> = screened
-        .chunks(grid.len().max(1))
-        .map(|rows| rows.iter().map(|row| row.mean_frobenius).collect())
-        .collect();
-    let scores = ranking::scores(conditions, &means, base);
+    let scores = scores(screened, conditions, base);
     for column in 0..scores.first().map_or(0, Vec::len) {
         let mut order: Vec<usize> = (0..grid.len()).collect();
         order.sort_by(|&a, &b| scores[a][column].total_cmp(&scores[b][column]));
         order.truncate(if column == 0 { BEST_OVERALL } else { BEST_OF_KIND });
         chosen.extend(order);
     }
-    let mut once: Vec<usize> = Vec::new();
-    chosen.into_iter().for_each(|at| {
-        if !once.contains(&at) {
-            once.push(at);
-        }
-    });
-    once.into_iter().map(|at| &grid[at]).collect()
+    once(chosen).into_iter().map(|at| &grid[at]).collect()
+}
+
+/// [`ranking::scores`] of all places, against the one numbered `base`.
+pub(super) fn scores(
+    screened: &[Screened],
+    conditions: &[Condition],
+    base: usize,
+) -> Vec<Vec<f64>> {
+    let places = screened.len() / conditions.len().max(1);
+    let means: Vec<Vec<f64>> = screened
+        .chunks(places.max(1))
+        .map(|rows| rows.iter().map(|row| row.mean_frobenius).collect())
+        .collect();
+    ranking::scores(conditions, &means, base)
 }

@@ -5,14 +5,15 @@ use std::fmt::Write;
 use super::condition::Condition;
 use super::ranking::{self, Interval};
 use super::scheme::Place;
-use super::{BESIDE, Outcome, Study};
+use super::{BESIDE, Outcome, Study, once, screening};
 use crate::experiment::Spread;
 use crate::experiment::paper::cell::Shape;
 
 const LEGEND: &str = "# Weight schemes\n\n\
     Every scheme is one step: weights on the full connection from descriptors, one closed form. \
     Named `nearest points of each scale (nN: N for its normals) and whose histogram (PCL's if none \
-    is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's. No answer counts as a half turn.\n";
+    is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's. \
+    No answer counts as a half turn.\n";
 
 /// The study as tables.
 pub(super) fn markdown(study: &Study) -> String {
@@ -60,13 +61,7 @@ pub(super) fn notable(study: &Study) -> Vec<String> {
     let winner = best.map(|standing| standing.scheme.clone());
     names.extend(winner);
     names.push(BESIDE.into());
-    let mut once: Vec<String> = Vec::new();
-    names.into_iter().for_each(|name| {
-        if !once.contains(&name) {
-            once.push(name);
-        }
-    });
-    once
+    once(names)
 }
 
 /// Errors of one scheme in one condition.
@@ -111,17 +106,10 @@ fn shapes(text: &mut String, study: &Study) {
 fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     let places = study.screened.len() / conditions.len().max(1);
     let rows = &study.screened[..places];
-    let name_of = |place: Place| place.name();
-    let Some(base) = rows.iter().position(|row| row.scheme == name_of(Place::PAPER)) else {
-        return;
-    };
-    let Some(best) = rows.iter().find(|row| row.scheme == name_of(Place::BEST)) else { return };
-    let means: Vec<Vec<f64>> = study
-        .screened
-        .chunks(places)
-        .map(|rows| rows.iter().map(|row| row.mean_frobenius).collect())
-        .collect();
-    let scores = ranking::scores(conditions, &means, base);
+    let at = |place: Place| rows.iter().position(|row| row.scheme == place.name());
+    let (Some(base), Some(unchanged)) = (at(Place::PAPER), at(Place::BEST)) else { return };
+    let best = &rows[unchanged];
+    let scores = screening::scores(&study.screened, conditions, base);
     let kinds = ranking::kinds(conditions);
     let _ = writeln!(
         text,
@@ -131,7 +119,6 @@ fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     );
     let _ = writeln!(text, "| changed | to | overall | {} |", kinds.join(" | "));
     let _ = writeln!(text, "|---|---|---|{}", "---|".repeat(kinds.len()));
-    let unchanged = rows.iter().position(|row| row.scheme == best.scheme).unwrap_or(0);
     let others = (0..rows.len()).filter(|&at| at != unchanged);
     for at in [unchanged].into_iter().chain(others) {
         let row = &rows[at];
