@@ -104,6 +104,11 @@ pub enum Error {
         rule: String,
     },
 
+    /// The work was ended from outside before it was done
+    /// ([`par::Interrupt`](crate::par::Interrupt)).
+    #[error("interrupted before there was an answer")]
+    Interrupted,
+
     /// A file that is not what it claims to be.
     #[error("{}{}: {what}", .path.display(), Position(*.line, *.byte))]
     Parse {

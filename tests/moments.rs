@@ -86,6 +86,7 @@ fn weight(scheme: WeightScheme, beta: f64, d2: f64) -> f64 {
         }
         WeightScheme::Tukey => (1.0 - x).max(0.0).powi(2),
         WeightScheme::Uniform => 1.0,
+        WeightScheme::Custom => panic!("is no kernel"),
     }
 }
 

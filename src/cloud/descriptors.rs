@@ -71,6 +71,11 @@ impl Descriptors {
         &self.data
     }
 
+    /// The same without a copy.
+    pub fn into_values(self) -> Vec<f32> {
+        self.data
+    }
+
     /// Rows of several tables beside each other, all divided by the square root of their
     /// number: squared distances are then the mean of those of the tables, and a bandwidth
     /// keeps its meaning. One table stays as it is.

@@ -9,5 +9,5 @@ mod visible;
 
 pub use descriptors::Descriptors;
 pub use mesh::{MOST_POINTS, Mesh};
-pub use point_cloud::PointCloud;
+pub use point_cloud::{Parts, PointCloud};
 pub use transform::Transform;

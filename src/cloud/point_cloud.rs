@@ -24,6 +24,18 @@ pub struct PointCloud {
     dropped: usize,
 }
 
+/// A [`PointCloud`] taken apart; each field is what the method of its name returns.
+#[derive(Debug, Clone, PartialEq)]
+#[expect(missing_docs, reason = "said by the methods")]
+pub struct Parts {
+    pub points: Vec<[f32; 3]>,
+    pub origin: Vec3,
+    pub frame_origin: Vec3,
+    pub normals: Option<Vec<[f32; 3]>>,
+    pub viewpoint: Option<Vec3>,
+    pub dropped: usize,
+}
+
 impl PointCloud {
     /// A cloud from coordinates in any unit; points with a NaN or infinite
     /// coordinate are dropped and counted. An empty cloud is a cloud.
@@ -41,6 +53,15 @@ impl PointCloud {
     pub fn new(points: &[[f64; 3]]) -> Result<Self> {
         let finite = |p: &&[f64; 3]| p.iter().all(|x| x.is_finite());
         Self::from_finite(points.iter().filter(finite).copied(), points.len())
+    }
+
+    /// The same from f32.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn from_f32(points: &[[f32; 3]]) -> Result<Self> {
+        let wide = points.iter().map(|point| point.map(f64::from));
+        Self::from_finite(wide.filter(|p| p.iter().all(|x| x.is_finite())), points.len())
     }
 
     /// A cloud with one normal a point, same order. Normals are scaled to unit
@@ -61,6 +82,37 @@ impl PointCloud {
         let kept = points.iter().zip(normals).filter(|(p, _)| p.iter().all(|x| x.is_finite()));
         cloud.normals = Some(kept.map(|(_, &n)| unit(n)).collect());
         Ok(cloud)
+    }
+
+    /// The cloud put together from what [`parts`](Self::parts) took apart, bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] for a value that no cloud has, [`Error::Shape`] when there is not
+    /// one normal a point.
+    pub fn from_parts(parts: Parts) -> Result<Self> {
+        let Parts { points, origin, frame_origin, normals, viewpoint, dropped } = parts;
+        let vectors = points.iter().chain(normals.iter().flatten());
+        if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+            return Err(Error::NonFinite { what: "the parts of a cloud".into(), index });
+        }
+        let places = [Some(origin), Some(frame_origin), viewpoint];
+        if places.iter().flatten().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
+        }
+        match normals.as_ref().filter(|normals| normals.len() != points.len()) {
+            None => Ok(PointCloud { points, origin, frame_origin, normals, viewpoint, dropped }),
+            Some(normals) => Err(Error::Shape {
+                what: "normals for the points of a cloud".into(),
+                expected: points.len(),
+                found: normals.len(),
+            }),
+        }
+    }
+
+    /// All that the cloud consists of, to be kept elsewhere.
+    pub fn parts(&self) -> Parts {
+        let PointCloud { points, origin, frame_origin, normals, viewpoint, dropped } = self.clone();
+        Parts { points, origin, frame_origin, normals, viewpoint, dropped }
     }
 
     fn from_finite(points: impl Iterator<Item = Vec3> + Clone, given: usize) -> Result<Self> {
@@ -325,6 +377,30 @@ mod tests {
             let (near, far) = (PointCloud::new(&near).unwrap(), PointCloud::new(&far).unwrap());
             assert_eq!(near.points(), far.points());
         }
+    }
+
+    #[test]
+    fn parts_make_the_same_cloud() {
+        let points = [[5e5, 5.6e6, 0.1], [5e5 + 0.3, 5.6e6, 0.2], [f64::NAN; 3]];
+        let cloud = PointCloud::with_normals(&points, &[[0.0, 0.3, 0.4]; 3]).unwrap();
+        let cloud = cloud.with_viewpoint([5e5, 5.6e6, 9.0]).unwrap();
+        assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
+        let mut short = cloud.parts();
+        short.normals.as_mut().unwrap().pop();
+        assert!(matches!(PointCloud::from_parts(short), Err(Error::Shape { .. })));
+        let mut nan = cloud.parts();
+        nan.points[1][2] = f32::NAN;
+        assert!(matches!(PointCloud::from_parts(nan), Err(Error::NonFinite { index: 1, .. })));
+        let mut nowhere = cloud.parts();
+        nowhere.viewpoint = Some([f64::INFINITY; 3]);
+        assert!(PointCloud::from_parts(nowhere).is_err());
+    }
+
+    #[test]
+    fn single_precision_is_taken_as_it_is() {
+        let points = [[0.1f32, 2.5, -3.0], [f32::NAN, 0.0, 0.0], [1.0, 1e-7, 0.0]];
+        let wide = PointCloud::new(&points.map(|p| p.map(f64::from))).unwrap();
+        assert_eq!(PointCloud::from_f32(&points).unwrap(), wide);
     }
 
     #[test]

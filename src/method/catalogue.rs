@@ -74,6 +74,22 @@ impl Method {
         }
     }
 
+    /// Checks the ranges of all settings, which a registration does too.
+    ///
+    /// # Errors
+    /// [`Error::Config`] that names the setting.
+    pub fn validate(&self) -> Result<()> {
+        match self {
+            Method::Cf(method) => method.validate(),
+            Method::Cfk(method) => method.validate(),
+            Method::Icp(method) => method.validate(),
+            Method::Kc(method) => method.validate(),
+            Method::Cpd(method) => method.validate(),
+            Method::Dare(method) => method.validate(),
+            Method::Teaser(method) => method.validate(),
+        }
+    }
+
     /// Agreement beyond chance below which a pose of the method is doubted.
     pub(super) fn least_agreement(&self) -> f64 {
         match self {

@@ -9,7 +9,7 @@ use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
-use crate::moments::FullConnection;
+use crate::moments::{FullConnection, Moments};
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
@@ -104,6 +104,60 @@ impl Cf {
         self.beta.unwrap_or_else(|| self.describe.histogram.default_beta().into())
     }
 
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Those of [`Describe::validate`] and [`Bandwidth::validate`].
+    pub fn validate(&self) -> Result<()> {
+        self.describe.validate()?;
+        self.bandwidth().validate()
+    }
+
+    /// Registers with weights of one's own: `weigh` makes the moments of the full connection,
+    /// in place of [`weights`](Self::weights), [`beta`](Self::beta) and
+    /// [`normalization`](Self::normalization).
+    ///
+    /// The configuration that the result carries says `custom` for the weights.
+    ///
+    /// ```
+    /// use cfreg::{method::Cf, weight::Normalization};
+    /// # use cfreg::experiment::shape::boulder;
+    /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
+    /// let cf = Cf::default();
+    /// let registration = cf.register_by(&source, &target, |connection| {
+    ///     connection.moments(&|d2: f32| 1.0 / (1.0 + d2 * d2), Normalization::Both)
+    /// })?;
+    /// println!("{:?}", registration.doubts);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Register::register`], and those of `weigh`.
+    pub fn register_by(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
+    ) -> Result<Registration> {
+        par::with_threads(self.threads, || {
+            let named = Method::Cf(self.custom());
+            self.run(source, target, None, named, |connection| Ok((weigh(connection)?, None)))
+        })?
+    }
+
+    /// The settings with weights that have no name.
+    pub(super) fn custom(&self) -> Cf {
+        let normalization = Normalization::None;
+        Cf { weights: WeightScheme::Custom, beta: None, normalization, ..self.clone() }
+    }
+
+    /// Moments by the configured weights, and the bandwidth that they had.
+    pub(super) fn weigh(&self, connection: &FullConnection) -> Result<(Moments, Option<f64>)> {
+        let beta = connection.bandwidth(self.bandwidth())?;
+        let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
+        Ok((moments, Some(beta)))
+    }
+
     /// Registers all points, or the keypoints of `detector`; `named` is the method that
     /// asks, with its resolved settings.
     pub(super) fn run(
@@ -112,15 +166,15 @@ impl Cf {
         target: &PointCloud,
         detector: Option<&Keypoints>,
         named: Method,
+        weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)>,
     ) -> Result<Registration> {
-        self.bandwidth().validate()?;
+        self.validate()?;
         let mut times = Timings::default();
         let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
         let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
         let (connection, beta, moments) = times.time("moments", || {
             let connection = FullConnection::new(source_side.described(), target_side.described())?;
-            let beta = connection.bandwidth(self.bandwidth())?;
-            let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
+            let (moments, beta) = weigh(&connection)?;
             Ok::<_, crate::Error>((connection, beta, moments))
         })?;
         let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
@@ -142,14 +196,15 @@ impl Cf {
             doubts: few.then_some(doubt).into_iter().collect(),
         };
         let concluded = Registration::conclude(found, source, target)?;
-        Ok(Registration { beta: Some(beta), ..concluded })
+        Ok(Registration { beta, ..concluded })
     }
 }
 
 impl Register for Cf {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         par::with_threads(self.threads, || {
-            self.run(source, target, None, Method::Cf(self.resolved()))
+            let named = Method::Cf(self.resolved());
+            self.run(source, target, None, named, |connection| self.weigh(connection))
         })?
     }
 }

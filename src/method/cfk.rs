@@ -6,6 +6,7 @@ use super::{Cf, Method, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
+use crate::moments::{FullConnection, Moments};
 use crate::par;
 
 /// The paper's variant on keypoints (section III): as [`Cf`], but only the keypoints are
@@ -39,13 +40,49 @@ pub struct Cfk {
     pub connection: Cf,
 }
 
+impl Cfk {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Those of [`Cf::validate`] and [`Keypoints::validate`].
+    pub fn validate(&self) -> Result<()> {
+        self.keypoints.validate()?;
+        self.connection.validate()
+    }
+
+    /// Registers with weights of one's own, see [`Cf::register_by`].
+    ///
+    /// # Errors
+    /// As [`Register::register`], and those of `weigh`.
+    pub fn register_by(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
+    ) -> Result<Registration> {
+        let named = Cfk { connection: self.connection.custom(), ..self.clone() };
+        self.run(source, target, named, |connection| Ok((weigh(connection)?, None)))
+    }
+
+    fn run(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        named: Cfk,
+        weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)> + Send,
+    ) -> Result<Registration> {
+        let cf = &self.connection;
+        par::with_threads(cf.threads, || {
+            self.validate()?;
+            cf.run(source, target, Some(&self.keypoints), Method::Cfk(named), weigh)
+        })?
+    }
+}
+
 impl Register for Cfk {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         let cf = &self.connection;
-        par::with_threads(cf.threads, || {
-            self.keypoints.validate()?;
-            let named = Cfk { connection: cf.resolved(), ..self.clone() };
-            cf.run(source, target, Some(&self.keypoints), Method::Cfk(named))
-        })?
+        let named = Cfk { connection: cf.resolved(), ..self.clone() };
+        self.run(source, target, named, |connection| cf.weigh(connection))
     }
 }

@@ -25,7 +25,9 @@ pub struct Registration {
     pub method: &'static str,
     /// Whether there is no ground for doubt.
     pub trusted: bool,
-    /// Grounds to doubt the pose; empty when it may be trusted.
+    /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
+    /// `message`, too.
+    #[serde(serialize_with = "told")]
     pub doubts: Vec<Doubt>,
     /// How the clouds lie on each other under the pose.
     pub evaluation: Evaluation,
@@ -125,6 +127,17 @@ impl Registration {
             refined_from: None,
         })
     }
+}
+
+/// Doubts, each with what it says.
+fn told<S: Serializer>(doubts: &[Doubt], serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Told<'a> {
+        #[serde(flatten)]
+        doubt: &'a Doubt,
+        message: String,
+    }
+    serializer.collect_seq(doubts.iter().map(|doubt| Told { doubt, message: doubt.to_string() }))
 }
 
 /// Points of the two clouds.

@@ -167,25 +167,41 @@ impl<K: WeightKernel, R: Reducer> WithSimd for Dispatched<'_, K, R> {
     fn with_simd<S: Simd>(self, _: S) {
         let Dispatched { pass, reducer, tile } = self;
         let width = pass.norms.len();
+        if pass.kernel.takes_tiles() {
+            for (row, d2) in tile.chunks_exact_mut(width).enumerate() {
+                pass.distances(pass.block.start + row, d2);
+            }
+            pass.kernel.fill_tile(tile, width);
+        }
         for (row, weights) in tile.chunks_exact_mut(width).enumerate() {
             let i = pass.block.start + row;
-            if pass.rows.dim >= PRODUCT_FROM {
-                let norm = pass.rows.norms[i];
-                for (d2, &other) in weights.iter_mut().zip(pass.norms) {
-                    *d2 = (*d2 + (norm + other)).max(0.0);
-                }
-            } else {
-                weights.fill(0.0);
-                let source = &pass.rows.values[i * pass.rows.dim..][..pass.rows.dim];
-                for (&a, values) in source.iter().zip(pass.targets.chunks_exact(width)) {
-                    for (d2, &b) in weights.iter_mut().zip(values) {
-                        *d2 = (a - b).mul_add(a - b, *d2);
-                    }
-                }
+            if !pass.kernel.takes_tiles() {
+                pass.distances(i, weights);
+                pass.kernel.fill(weights);
             }
-            pass.kernel.fill(weights);
             pass.scaling.apply(i, pass.first, weights);
             reducer.row(row, pass.first, weights);
+        }
+    }
+}
+
+impl<K> TilePass<'_, K> {
+    /// Squared distances of source `i`, in place of the products where there are any.
+    #[inline(always)]
+    fn distances(&self, i: usize, d2: &mut [f32]) {
+        if self.rows.dim >= PRODUCT_FROM {
+            let norm = self.rows.norms[i];
+            for (d2, &other) in d2.iter_mut().zip(self.norms) {
+                *d2 = (*d2 + (norm + other)).max(0.0);
+            }
+        } else {
+            d2.fill(0.0);
+            let source = &self.rows.values[i * self.rows.dim..][..self.rows.dim];
+            for (&a, values) in source.iter().zip(self.targets.chunks_exact(d2.len())) {
+                for (d2, &b) in d2.iter_mut().zip(values) {
+                    *d2 = (a - b).mul_add(a - b, *d2);
+                }
+            }
         }
     }
 }

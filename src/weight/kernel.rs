@@ -40,6 +40,18 @@ pub trait WeightKernel: Sync {
             *value = self.weight(*value);
         }
     }
+
+    /// Whether [`fill_tile`](Self::fill_tile) is to be asked, with many rows at once: for
+    /// kernels that a call costs dear, as one in another language.
+    #[inline(always)]
+    fn takes_tiles(&self) -> bool {
+        false
+    }
+
+    /// [`fill`](Self::fill) of rows of `width` squared distances, one source point each.
+    fn fill_tile(&self, d2: &mut [f32], width: usize) {
+        d2.chunks_exact_mut(width).for_each(|row| self.fill(row));
+    }
 }
 
 impl<F: Fn(f32) -> f32 + Sync> WeightKernel for F {

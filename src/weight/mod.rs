@@ -2,14 +2,17 @@
 //! normalisations of the full connection.
 //!
 //! A [`WeightKernel`] is open: any `Fn(f32) -> f32 + Sync` is one. The closed
-//! catalogue [`WeightScheme`] is what configurations, `--weights` and Python name.
+//! catalogue [`WeightScheme`] is what configurations, `--weights` and Python name, and
+//! [`Composite`] adds and multiplies kernels of it.
 
 mod bandwidth;
+mod composite;
 mod kernel;
 mod normalization;
 mod scheme;
 
 pub use bandwidth::Bandwidth;
+pub use composite::{Composite, ResolvedComposite};
 pub use kernel::{
     Cauchy, Gaussian, GemanMcClure, Laplacian, StudentT, TruncatedQuadratic, Tukey, Uniform,
     WeightKernel,

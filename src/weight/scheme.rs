@@ -35,6 +35,9 @@ pub enum WeightScheme {
     Tukey,
     /// [`Uniform`].
     Uniform,
+    /// Of no name: a function that was handed over beside the configuration, which only
+    /// records that there was one.
+    Custom,
 }
 
 /// Something to be done with a kernel whose type is known only at run time.
@@ -65,7 +68,9 @@ impl WeightScheme {
     /// every loop.
     ///
     /// # Errors
-    /// Those of [`check_beta`]; [`Error::Config`] for a ν outside (0, 1000].
+    /// Those of [`check_beta`]; [`Error::Config`] for a ν outside (0, 1000], and for
+    /// [`Custom`](WeightScheme::Custom), which is no kernel.
+    #[inline(always)]
     pub fn visit<V: KernelVisitor>(self, beta: f64, visitor: V) -> Result<V::Output> {
         check_beta(beta)?;
         let beta = beta as f32;
@@ -78,6 +83,7 @@ impl WeightScheme {
             WeightScheme::StudentT(nu) => visitor.visit(StudentT { beta, nu: checked_nu(nu)? }),
             WeightScheme::Tukey => visitor.visit(Tukey { beta }),
             WeightScheme::Uniform => visitor.visit(Uniform),
+            WeightScheme::Custom => return Err(custom()),
         })
     }
 
@@ -108,6 +114,11 @@ pub fn check_beta(beta: f64) -> Result<()> {
     Err(Error::config("beta", beta, "must be between 1e-12 and 1e12 (squared descriptor units)"))
 }
 
+fn custom() -> Error {
+    let rule = "stands for a function that cannot be named: hand the function over again";
+    Error::config("weights", "custom", rule)
+}
+
 fn checked_nu(nu: f32) -> Result<f32> {
     if nu > 0.0 && nu <= 1000.0 {
         return Ok(nu);
@@ -126,6 +137,7 @@ impl fmt::Display for WeightScheme {
             WeightScheme::StudentT(nu) => return write!(f, "student-t:{nu}"),
             WeightScheme::Tukey => "tukey",
             WeightScheme::Uniform => "uniform",
+            WeightScheme::Custom => "custom",
         })
     }
 }
@@ -143,6 +155,7 @@ impl FromStr for WeightScheme {
             "student-t" => WeightScheme::StudentT(Self::DEFAULT_NU),
             "tukey" => WeightScheme::Tukey,
             "uniform" => WeightScheme::Uniform,
+            "custom" => return Err(custom()),
             _ => {
                 let nu = text.strip_prefix("student-t:").and_then(|nu| nu.parse().ok());
                 let Some(nu) = nu else {
@@ -202,6 +215,7 @@ mod tests {
             }
             WeightScheme::Tukey => beta / 6.0 * (1.0 - (1.0 - x.min(1.0)).powi(3)),
             WeightScheme::Uniform => beta / 2.0 * x,
+            WeightScheme::Custom => unreachable!("is not among ALL"),
         }
     }
 
@@ -235,7 +249,7 @@ mod tests {
             assert_eq!(scheme.to_string().parse::<WeightScheme>().unwrap(), scheme);
         }
         assert_eq!("student-t".parse::<WeightScheme>().unwrap().to_string(), "student-t:5");
-        for name in ["", "gauss", "student-t:0", "student-t:x", "student-t:NaN"] {
+        for name in ["", "gauss", "student-t:0", "student-t:x", "student-t:NaN", "custom"] {
             assert!(matches!(name.parse::<WeightScheme>(), Err(Error::Config { .. })), "{name}");
         }
     }

@@ -6,6 +6,7 @@
 //! bits.
 
 use super::graph::{Graph, count, members};
+use crate::par;
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,6 +141,7 @@ impl Search<'_> {
         if self.left == 0 {
             return false;
         }
+        par::checkpoint();
         let (vertices, colors) = self.color(&candidates);
         // The last colours first; those before are too few once one is.
         for (&v, &color) in vertices.iter().zip(&colors).rev() {

@@ -1,13 +1,10 @@
-//! Ordered parallel loops: the only place that spawns threads.
-//!
-//! Work is cut at fixed places, results come back by index and whoever reduces
-//! them does so in index order, so that the number of threads never changes a bit.
-//! The loops run on the pool they are called from: [`with_threads`] chooses it.
+//! Loops over indices, blocks and rows.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::interrupt::{Interrupt, checkpoint, enter};
 use crate::error::{Error, Result};
 
 /// Most threads that may be asked for.
@@ -36,7 +33,11 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
         .num_threads(threads)
         .build()
         .map_err(|error| Error::config("threads", threads, error.to_string()))?;
-    Ok(pool.install(work))
+    let interrupt = Interrupt::current();
+    Ok(pool.install(|| {
+        let _entered = enter(&interrupt);
+        work()
+    }))
 }
 
 /// Runs `work` with its parallel loops on one new thread, which has ended when this returns,
@@ -47,10 +48,12 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
 /// [`Error::Config`] when the system gives no thread.
 pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     let refused = |error: &dyn std::fmt::Display| Error::config("threads", 1, error.to_string());
+    let interrupt = Interrupt::current();
     std::thread::scope(|scope| {
         let alone = || {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
             let pool = pool.build().map_err(|error| refused(&error))?;
+            let _entered = enter(&interrupt);
             Ok(pool.install(work))
         };
         let thread = std::thread::Builder::new()
@@ -67,7 +70,13 @@ pub fn map<S, T: Send>(
     scratch: impl Fn() -> S + Sync,
     f: impl Fn(&mut S, usize) -> T + Sync,
 ) -> Vec<T> {
-    (0..n).into_par_iter().map_init(&scratch, &f).collect()
+    let interrupt = Interrupt::current();
+    let begin = || (enter(&interrupt), scratch());
+    let step = |(_, scratch): &mut (_, S), i| {
+        checkpoint();
+        f(scratch, i)
+    };
+    (0..n).into_par_iter().map_init(begin, step).collect()
 }
 
 /// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a
@@ -81,10 +90,7 @@ pub fn map_blocks<S, T: Send>(
     scratch: impl Fn() -> S + Sync,
     f: impl Fn(&mut S, Range<usize>) -> T + Sync,
 ) -> Vec<T> {
-    (0..n.div_ceil(block))
-        .into_par_iter()
-        .map_init(&scratch, |scratch, b| f(scratch, b * block..((b + 1) * block).min(n)))
-        .collect()
+    map(n.div_ceil(block), scratch, |scratch, b| f(scratch, b * block..((b + 1) * block).min(n)))
 }
 
 /// Calls `f` with the index and the row of every `width` values of `data`.
@@ -97,9 +103,12 @@ pub fn for_each_row<S, T: Send>(
     scratch: impl Fn() -> S + Sync,
     f: impl Fn(&mut S, usize, &mut [T]) + Sync,
 ) {
-    data.par_chunks_mut(width)
-        .enumerate()
-        .for_each_init(&scratch, |scratch, (i, row)| f(scratch, i, row));
+    let interrupt = Interrupt::current();
+    let begin = || (enter(&interrupt), scratch());
+    data.par_chunks_mut(width).enumerate().for_each_init(begin, |(_, scratch), (i, row)| {
+        checkpoint();
+        f(scratch, i, row);
+    });
 }
 
 #[cfg(test)]

@@ -1,0 +1,145 @@
+//! Ending work from outside.
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::error::{Error, Result};
+
+/// A request to end that one thread makes of work in others.
+///
+/// Work sees it at the next step of a parallel loop, or at a [`checkpoint`], and unwinds from
+/// there, so that no function on the way needs to know of it. Nothing of a result depends on
+/// whether work could be interrupted.
+///
+/// ```
+/// use cfreg::{Error, par};
+/// let interrupt = par::Interrupt::default();
+/// assert_eq!(interrupt.guard(|| par::map(3, || (), |_, i| i))?, [0, 1, 2]);
+/// interrupt.request();
+/// let stopped = interrupt.guard(|| par::map(3, || (), |_, i| i));
+/// assert!(matches!(stopped, Err(Error::Interrupted)));
+/// # Ok::<(), Error>(())
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+/// What unwinds; it never leaves [`Interrupt::guard`].
+struct Stopped;
+
+thread_local! {
+    /// Under which interrupt this thread works.
+    static CURRENT: RefCell<Option<Interrupt>> = const { RefCell::new(None) };
+}
+
+impl Interrupt {
+    /// Asks all work under this interrupt to end, now and in future.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Runs `work` under this interrupt, instead of the one that the caller may be under.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when it was ended before it was done, be it by a
+    /// [`request`](Self::request) or by a [`stop`].
+    pub fn guard<T>(&self, work: impl FnOnce() -> T) -> Result<T> {
+        // What `work` held when it was ended is dropped, and seen by nobody.
+        let guarded = AssertUnwindSafe(|| {
+            let _entered = enter(&Some(self.clone()));
+            checkpoint();
+            work()
+        });
+        catch_unwind(guarded).map_err(|panic| match panic.is::<Stopped>() {
+            true => Error::Interrupted,
+            false => resume_unwind(panic),
+        })
+    }
+
+    /// The interrupt under which the caller works, to be carried to other threads.
+    pub(super) fn current() -> Option<Interrupt> {
+        CURRENT.with_borrow(Option::clone)
+    }
+}
+
+/// This thread works under an interrupt as long as this is there.
+pub(super) struct Entered {
+    before: Option<Interrupt>,
+}
+
+/// Goes on in this thread with work of another, under the interrupt of that one.
+pub(super) fn enter(interrupt: &Option<Interrupt>) -> Entered {
+    Entered { before: CURRENT.replace(interrupt.clone()) }
+}
+
+impl Drop for Entered {
+    fn drop(&mut self) {
+        CURRENT.set(self.before.take());
+    }
+}
+
+/// Ends the work of this thread here if that was requested: for long stretches without a
+/// parallel loop.
+pub fn checkpoint() {
+    let requested = |interrupt: &Interrupt| interrupt.0.load(Ordering::Relaxed);
+    if CURRENT.with_borrow(|current| current.as_ref().is_some_and(requested)) {
+        stop();
+    }
+}
+
+/// Ends all work up to the [`guard`](Interrupt::guard) around it, from within: for weights
+/// that fail. Without a guard it is a panic without a message.
+pub fn stop() -> ! {
+    // Not a panic: no hook is called and nothing is printed.
+    resume_unwind(Box::new(Stopped))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::par::{map, on_new_thread, with_threads};
+
+    /// Loops within loops, in several pools, for longer than any test may take.
+    fn endless(begun: &mpsc::Sender<()>) {
+        let inner = |_: &mut (), _| {
+            begun.send(()).unwrap();
+            map(1_000_000, || (), |_, _| std::thread::sleep(Duration::from_millis(1)))
+        };
+        let outer = || map(1_000_000, || (), inner);
+        with_threads(2, || on_new_thread(outer).unwrap()).unwrap();
+    }
+
+    #[test]
+    fn a_request_ends_work_in_every_thread() {
+        let interrupt = Interrupt::default();
+        let (begun, wait) = mpsc::channel();
+        std::thread::scope(|scope| {
+            let worker = scope.spawn(|| interrupt.guard(|| endless(&begun)));
+            wait.recv().unwrap();
+            interrupt.request();
+            assert!(matches!(worker.join().unwrap(), Err(Error::Interrupted)));
+        });
+        assert!(Interrupt::current().is_none());
+    }
+
+    #[test]
+    fn other_work_on_the_same_threads_goes_on() {
+        let (mine, other) = (Interrupt::default(), Interrupt::default());
+        mine.request();
+        let nested = || other.guard(|| map(10, || (), |_, i| i)).unwrap();
+        assert_eq!(nested().len(), 10);
+        assert!(mine.guard(checkpoint).is_err() && other.guard(checkpoint).is_ok());
+        // Outside of a guard nobody asks for anything.
+        checkpoint();
+    }
+
+    #[test]
+    fn panics_are_not_swallowed() {
+        let panicked = catch_unwind(|| Interrupt::default().guard(|| panic!("a bug")));
+        assert!(panicked.is_err());
+    }
+}

@@ -1,0 +1,12 @@
+//! Ordered parallel loops, and the way to stop them: the only place that spawns threads.
+//!
+//! Work is cut at fixed places, results come back by index and whoever reduces
+//! them does so in index order, so that the number of threads never changes a bit.
+//! The loops run on the pool they are called from: [`with_threads`] chooses it. Whoever
+//! runs work under an [`Interrupt`] can end it from another thread.
+
+mod interrupt;
+mod loops;
+
+pub use interrupt::{Interrupt, checkpoint, stop};
+pub use loops::{MOST_THREADS, for_each_row, map, map_blocks, on_new_thread, with_threads};
