@@ -38,7 +38,6 @@ pub(super) struct Evaluate {
 struct Judgement {
     #[serde(flatten)]
     evaluation: Evaluation,
-    agreement: f64,
     truth: Option<TruthError>,
 }
 
@@ -54,7 +53,7 @@ impl Evaluate {
         };
         let evaluation = quality::evaluate(&source, &target, &transform, distance)?;
         let truth = truth.map(|truth| quality::truth_error(&transform, &truth, source.centroid()));
-        let judgement = Judgement { evaluation, agreement: evaluation.agreement(), truth };
+        let judgement = Judgement { evaluation, truth };
         if self.json {
             print_json(&judgement)?;
         } else {
@@ -75,7 +74,7 @@ impl Judgement {
             format!("target fitness        {:.6} of the target points", e.target_fitness),
             format!("inlier RMSE           {:.6}", e.inlier_rmse),
             format!("chance                {:.6} (fitness of wrong rotations)", e.chance),
-            format!("agreement             {:.6} (fitness beyond chance)", self.agreement),
+            format!("agreement             {:.6} (fitness beyond chance)", e.agreement()),
         ];
         if let Some(truth) = &self.truth {
             lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));

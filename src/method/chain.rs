@@ -47,7 +47,23 @@ impl Register for Chain {
     /// A refinement that finds nothing to hold on to leaves the pose before it as the
     /// answer, with [`Doubt::NotRefined`].
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        let mut found = self.first.register(source, target)?;
+        self.go_on(self.first.register(source, target)?, source, target)
+    }
+}
+
+impl Chain {
+    /// The refinements alone, from an answer that was found otherwise; see
+    /// [`register`](Register::register).
+    ///
+    /// # Errors
+    /// Those of [`Refine::refine`](super::Refine::refine).
+    pub fn go_on(
+        &self,
+        begun: Registration,
+        source: &PointCloud,
+        target: &PointCloud,
+    ) -> Result<Registration> {
+        let mut found = begun;
         for refinement in self.refinements.iter().filter_map(Method::as_refinement) {
             match refinement.refine(source, target, &found.transform) {
                 Ok(mut refined) => {

@@ -1,96 +1,110 @@
-//! Arrays to clouds and descriptors, and back.
+//! Arrays to rows of numbers, and back.
+//!
+//! What is read is copied once, by numpy: other threads may then write into the array while
+//! it is worked with, and nothing is read from it that they wrote.
 
-use numpy::ndarray::Array2;
+use numpy::ndarray::{Array2, Dimension};
 use numpy::prelude::*;
-use numpy::{Element, PyArray, PyArray2, PyUntypedArray, dtype};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use numpy::{Element, PyArray, PyArray2, PyReadonlyArray2, PyUntypedArray, dtype};
+use pyo3::PyTypeInfo;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 
-use super::errors::{about, non_finite};
-use crate::cloud::{Descriptors, PointCloud};
+use super::errors::{ShapeError, about, non_finite};
+use crate::cloud::Descriptors;
 use crate::math::Vec3;
 
-/// A table of numbers as Python gave it: float32 or float64, in row order.
-pub(super) enum Table {
-    F32 { width: usize, values: Vec<f32> },
-    F64 { width: usize, values: Vec<f64> },
+/// A table of numbers in row order that nobody else holds: float32 or float64.
+pub(super) enum Table<'py> {
+    F32(PyReadonlyArray2<'py, f32>),
+    F64(PyReadonlyArray2<'py, f64>),
 }
 
-impl Table {
-    /// Reads an array (N, `width`), any width where that is `None`.
-    fn read(any: &Bound<'_, PyAny>, name: &str, width: Option<usize>) -> PyResult<Self> {
+impl<'py> Table<'py> {
+    /// Reads an array (N, `width`), any width where that is `None`; `name` is what errors
+    /// call it.
+    pub(super) fn read(
+        any: &Bound<'py, PyAny>,
+        name: &str,
+        width: Option<usize>,
+    ) -> PyResult<Self> {
         let Ok(array) = any.cast::<PyUntypedArray>() else {
             let class = any.get_type().name()?;
             let message =
                 format!("{name} must be a numpy array of float32 or float64, not {class}");
             return Err(PyTypeError::new_err(message));
         };
-        let columns = match *array.shape() {
-            [_, columns] if width.is_none_or(|width| width == columns) => columns,
-            _ => {
-                let width = width.map_or("D".into(), |width| width.to_string());
-                let shape = any.getattr("shape")?;
-                let message = format!("{name}: expected shape (N, {width}), found {shape}");
-                return Err(PyValueError::new_err(message));
-            }
-        };
+        if !matches!(*array.shape(), [_, columns] if width.is_none_or(|width| width == columns)) {
+            let width = width.map_or("D".into(), |width| width.to_string());
+            let shape = any.getattr("shape")?;
+            let message = format!("{name}: expected shape (N, {width}), found {shape}");
+            return Err(ShapeError::new_err(message));
+        }
         let (py, found) = (any.py(), array.dtype());
         if found.is_equiv_to(&dtype::<f32>(py)) {
-            return Ok(Table::F32 { width: columns, values: in_row_order(any)? });
+            return Ok(Table::F32(own_copy(any)?));
         }
         if found.is_equiv_to(&dtype::<f64>(py)) {
-            return Ok(Table::F64 { width: columns, values: in_row_order(any)? });
+            return Ok(Table::F64(own_copy(any)?));
         }
         let message =
             format!("{name} must be float32 or float64, not {found}: convert with astype");
         Err(PyTypeError::new_err(message))
     }
 
-    /// Rows of three in f64.
-    fn triples(self) -> Vec<Vec3> {
-        match self {
-            Table::F32 { values, .. } => triples(&values, f64::from),
-            Table::F64 { values, .. } => triples(&values, |x| x),
+    /// Refuses a NaN or an infinity in any row.
+    pub(super) fn check_finite(&self, py: Python<'_>, name: &str) -> PyResult<()> {
+        fn bad_row<T: Copy>(values: &[T], finite: impl Fn(T) -> bool) -> Option<usize> {
+            values.as_chunks::<3>().0.iter().position(|row| !row.iter().all(|&x| finite(x)))
         }
+        let bad = match self {
+            Table::F32(table) => {
+                let values = table.as_slice()?;
+                py.detach(|| bad_row(values, f32::is_finite))
+            }
+            Table::F64(table) => {
+                let values = table.as_slice()?;
+                py.detach(|| bad_row(values, f64::is_finite))
+            }
+        };
+        bad.map_or(Ok(()), |row| Err(non_finite(name, row)))
+    }
+
+    /// Rows of three in f64.
+    pub(super) fn triples(&self, py: Python<'_>) -> PyResult<Vec<Vec3>> {
+        Ok(match self {
+            Table::F32(table) => {
+                let rows = table.as_slice()?.as_chunks::<3>().0;
+                py.detach(|| rows.iter().map(|row| row.map(f64::from)).collect())
+            }
+            Table::F64(table) => {
+                let rows = table.as_slice()?.as_chunks::<3>().0;
+                py.detach(|| rows.to_vec())
+            }
+        })
     }
 }
 
-/// The values row by row. Python's copy comes first where the array is strided, and where
-/// its fields are packed so that strides are no multiple of a value's size.
-fn in_row_order<T: Element + Copy>(any: &Bound<'_, PyAny>) -> PyResult<Vec<T>> {
-    let array = any.cast::<PyArray2<T>>()?.try_readonly()?;
-    if array.is_c_contiguous()
-        && let Ok(values) = array.as_slice()
-    {
-        return Ok(values.to_vec());
-    }
+/// A copy in row order. numpy lets other threads run while it makes one.
+fn own_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, T>> {
     let copy = any.call_method1("copy", ("C",))?;
-    Ok(copy.cast::<PyArray2<T>>()?.try_readonly()?.as_slice()?.to_vec())
+    Ok(copy.cast::<PyArray2<T>>()?.try_readonly()?)
 }
 
-fn triples<T: Copy>(values: &[T], widen: impl Fn(T) -> f64) -> Vec<Vec3> {
-    values.as_chunks::<3>().0.iter().map(|row| row.map(&widen)).collect()
-}
-
-/// Rows (N, 3) of an array; an error names the first that is not finite.
-pub(super) fn rows(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Vec3>> {
-    let rows = Table::read(any, name, Some(3))?.triples();
-    match rows.iter().position(|row| row.iter().any(|x| !x.is_finite())) {
-        Some(row) => Err(non_finite(name, row)),
-        None => Ok(rows),
+/// The array itself, or what stands for one: masked arrays, tensors, data frames.
+pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    if any.get_type().is(PyUntypedArray::type_object(any.py())) {
+        return Ok(any.clone());
     }
+    interop(any.py())?.call_method1("array", (any,))
 }
 
-/// A cloud that keeps every row: one that is not finite is an error, since what belongs to
-/// the others would shift.
-pub(super) fn whole_cloud(any: &Bound<'_, PyAny>, name: &str) -> PyResult<PointCloud> {
-    PointCloud::new(&rows(any, name)?).map_err(|error| about(name, error))
-}
-
-/// A cloud that drops and counts rows that are not finite.
-pub(super) fn cloud(any: &Bound<'_, PyAny>, name: &str) -> PyResult<PointCloud> {
-    let rows = Table::read(any, name, Some(3))?.triples();
-    PointCloud::new(&rows).map_err(|error| about(name, error))
+/// The Python side's knowledge of other libraries.
+pub(super) fn interop(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+    static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+    let import = || Ok::<_, PyErr>(py.import("cfreg._interop")?.unbind());
+    Ok(MODULE.get_or_try_init(py, import)?.bind(py))
 }
 
 /// Descriptors (N, D), one row for each of the `points` of `owner`.
@@ -100,16 +114,24 @@ pub(super) fn descriptors(
     points: usize,
     owner: &str,
 ) -> PyResult<Descriptors> {
-    let (width, values) = match Table::read(any, name, None)? {
-        Table::F32 { width, values } => (width, values),
-        // Too large for f32 becomes infinite, which is refused below.
-        Table::F64 { width, values } => (width, values.iter().map(|&x| x as f32).collect()),
+    let (py, array) = (any.py(), as_array(any)?);
+    let table = Table::read(&array, name, None)?;
+    let rows = match &table {
+        Table::F32(table) => {
+            let (width, values) = (table.shape()[1], table.as_slice()?);
+            py.detach(|| Descriptors::new(width, values.to_vec()))
+        }
+        Table::F64(table) => {
+            let (width, values) = (table.shape()[1], table.as_slice()?);
+            // Too large for f32 becomes infinite, which is refused.
+            py.detach(|| Descriptors::new(width, values.iter().map(|&x| x as f32).collect()))
+        }
     };
-    let rows = Descriptors::new(width, values).map_err(|error| about(name, error))?;
+    let rows = rows.map_err(|error| about(name, error))?;
     if rows.len() != points {
         let found = rows.len();
         let message = format!("{name}: expected {points} rows, as {owner} has, found {found}");
-        return Err(PyValueError::new_err(message));
+        return Err(ShapeError::new_err(message));
     }
     Ok(rows)
 }
@@ -126,7 +148,7 @@ pub(super) fn table<T: Element>(
 }
 
 /// `array`, which nobody else holds yet, made read-only.
-pub(super) fn read_only<'py, T: Element, D: numpy::ndarray::Dimension>(
+pub(super) fn read_only<'py, T: Element, D: Dimension>(
     array: Bound<'py, PyArray<T, D>>,
 ) -> Bound<'py, PyArray<T, D>> {
     array.readwrite().make_nonwriteable();

@@ -1,15 +1,15 @@
 //! Normals, keypoints and descriptors.
 
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::arrays::{descriptors as table_for, rows, table, whole_cloud};
-use super::errors::{about, count, exception, released};
-use super::registration::json as named;
-use crate::cloud::{Descriptors, PointCloud};
+use super::arrays::{as_array, descriptors as table_for, interop, table};
+use super::cloud::{AnyCloud, BadRows};
+use super::doorway::released;
+use super::errors::{SettingError, about, count, exception};
+use crate::cloud::PointCloud;
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
@@ -25,12 +25,14 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 ///
 /// Parameters
 /// ----------
-/// points : (N, 3) float32 or float64, any unit
+/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
+///     takes; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
 ///     all points where there are fewer
 /// viewpoint : three numbers in the frame of the points, where the sensor stood; normals
-///     point towards it. None: the origin. (For clouds that lie more than about 50 times
-///     their size away from it, a round place nearby that moves along with map offsets.)
+///     point towards it. None: that of the PointCloud, or else the origin. (For clouds that
+///     lie more than about 50 times their size away from it, a round place nearby that moves
+///     along with map offsets.)
 ///
 /// Returns
 /// -------
@@ -40,19 +42,30 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 ///
 /// Raises
 /// ------
-/// ValueError : a row that is not finite, named; a shape or setting out of range
+/// NonFiniteError : a row that is not finite, named
+/// ShapeError : not (N, 3)
+/// SettingError : a setting out of range
 /// TypeError : not an array of float32 or float64
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> x, y = np.mgrid[-1:1:9j, -1:1:9j].reshape(2, -1)
+/// >>> normals, curvature = cfreg.estimate_normals(np.column_stack([x, y, 0 * x - 2]), 9)
+/// >>> normals[40].round(3).tolist(), float(curvature[40].round(3))
+/// ([0.0, 0.0, 1.0], 0.0)
 #[pyfunction]
 #[pyo3(signature = (points, neighbors=150, viewpoint=None))]
 pub(super) fn estimate_normals<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: Option<i64>,
+    neighbors: i64,
     viewpoint: Option<Vec3>,
 ) -> PyResult<NormalsAndCurvature<'py>> {
     let describe = describe(neighbors, viewpoint)?;
-    let cloud = whole_cloud(points, "points")?;
-    let normals = released(py, || Ok(neighborhoods(&cloud, &describe)?.1))?;
+    let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
+    let cloud = cloud.get();
+    let normals = released(py, || Ok(neighborhoods(cloud, &describe)?.1))?;
     let vectors = table(py, 3, normals.vectors.into_flattened());
     Ok((vectors, PyArray1::from_vec(py, normals.curvature)))
 }
@@ -61,7 +74,8 @@ pub(super) fn estimate_normals<'py>(
 ///
 /// Parameters
 /// ----------
-/// points : (N, 3) float32 or float64, any unit
+/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
+///     takes; any unit
 /// detector : "sift", extrema of a number a point over place and scale, or "iss",
 ///     intrinsic shape signatures
 /// values : (N,) float32 or float64, the number a point that SIFT looks at. None: the
@@ -76,8 +90,18 @@ pub(super) fn estimate_normals<'py>(
 ///
 /// Raises
 /// ------
-/// ValueError : a row that is not finite, named; a shape or setting out of range
+/// NonFiniteError : a row that is not finite, named
+/// ShapeError : not (N, 3)
+/// SettingError : a setting out of range
 /// TypeError : not an array of float32 or float64
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> x, y = np.random.default_rng(1).uniform(-1, 1, (2, 2000))
+/// >>> rows = cfreg.keypoints(np.column_stack([x, y, np.sin(3 * x) * np.cos(2 * y)]))
+/// >>> 10 < len(rows) < 1000
+/// True
 #[pyfunction]
 #[pyo3(signature = (points, detector="sift", values=None, **settings))]
 pub(super) fn keypoints<'py>(
@@ -87,20 +111,26 @@ pub(super) fn keypoints<'py>(
     values: Option<&Bound<'py, PyAny>>,
     settings: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArray1<u64>>> {
-    let settings = settings.map_or_else(|| Ok(json!({})), |settings| named(py, settings))?;
+    let settings: Value = match settings {
+        Some(settings) => {
+            let json: String = interop(py)?.call_method1("to_json", (settings,))?.extract()?;
+            serde_json::from_str(&json).unwrap_or_default()
+        }
+        None => json!({}),
+    };
     let detector: Keypoints = serde_json::from_value(json!({ detector: settings }))
-        .map_err(|error| PyValueError::new_err(format!("detector = {detector}: {error}")))?;
-    let cloud = whole_cloud(points, "points")?;
+        .map_err(|error| SettingError::new_err(format!("detector = {detector}: {error}")))?;
+    let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
+    let cloud = cloud.get();
     let column = |values: &Bound<'py, PyAny>| {
-        // What has no shape is refused by its type below.
-        let values = values.call_method1("reshape", (-1, 1)).unwrap_or_else(|_| values.clone());
+        let values = as_array(values)?.call_method1("reshape", (-1, 1))?;
         table_for(&values, "values", cloud.len(), "points")
     };
     let values = values.map(column).transpose()?;
     let found = released(py, || match &values {
         Some(values) => detector.detect(cloud.points(), values.as_slice()),
         None => {
-            let (_, normals) = neighborhoods(&cloud, &Describe::default())?;
+            let (_, normals) = neighborhoods(cloud, &Describe::default())?;
             detector.detect(cloud.points(), &normals.curvature)
         }
     })?;
@@ -111,7 +141,8 @@ pub(super) fn keypoints<'py>(
 ///
 /// Parameters
 /// ----------
-/// points : (N, 3) float32 or float64, any unit
+/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
+///     takes; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
 ///     all points where there are fewer
 /// scale : "pcl", three blocks of 11 bins that sum to 100 each (what PCL computes), or
@@ -127,46 +158,52 @@ pub(super) fn keypoints<'py>(
 ///
 /// Raises
 /// ------
-/// ValueError : a row that is not finite, named; a shape or setting out of range; normals
-///     and a viewpoint at once
+/// NonFiniteError : a row that is not finite, named
+/// ShapeError : not (N, 3), or not one normal a point
+/// SettingError : a setting out of range; normals and a viewpoint at once
 /// TypeError : not an array of float32 or float64
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> points = np.random.default_rng(2).random((200, 3))
+/// >>> histograms = cfreg.fpfh(points, neighbors=30)
+/// >>> histograms.shape, histograms.dtype.name, float(histograms[0].sum().round(2))
+/// ((200, 33), 'float32', 300.0)
 #[pyfunction]
 #[pyo3(signature = (points, neighbors=150, scale="pcl", viewpoint=None, normals=None))]
 pub(super) fn fpfh<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: Option<i64>,
-    scale: Option<&str>,
+    neighbors: i64,
+    scale: &str,
     viewpoint: Option<Vec3>,
     normals: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let mut describe = describe(neighbors, viewpoint)?;
-    if let Some(name) = scale {
-        describe.histogram = name.parse().map_err(|error| about("scale", error))?;
-    }
-    let cloud = match normals {
-        None => whole_cloud(points, "points")?,
-        Some(normals) => {
-            if let Some(at) = viewpoint {
-                let rule = "orients estimated normals, but normals were given: leave one out";
-                return Err(exception(Error::config("viewpoint", format!("{at:?}"), rule)));
-            }
-            describe.orientation = Orientation::Stored;
-            let normals = rows(normals, "normals")?;
-            PointCloud::with_normals(&rows(points, "points")?, &normals)
-                .map_err(|error| about("normals", error))?
+    describe.histogram = scale.parse().map_err(|error| about("scale", error))?;
+    if normals.is_some() {
+        if let Some(at) = viewpoint {
+            let rule = "orients estimated normals, but normals were given: leave one out";
+            return Err(exception(Error::config("viewpoint", format!("{at:?}"), rule)));
         }
-    };
-    let described = released(py, || descriptors(&cloud, &describe))?;
-    Ok(table(py, BINS, described.as_slice().to_vec()))
+        describe.orientation = Orientation::Stored;
+    }
+    let cloud = AnyCloud::read(points, "points", normals, BadRows::Refuse)?;
+    let cloud = cloud.get();
+    let described = released(py, || {
+        let (neighbors, normals) = neighborhoods(cloud, &describe)?;
+        descriptor::fpfh(cloud.points(), &normals.vectors, &neighbors, describe.histogram)
+    })?;
+    Ok(table(py, BINS, described.into_values()))
 }
 
 /// The crate's defaults with what was given.
-pub(super) fn describe(neighbors: Option<i64>, viewpoint: Option<Vec3>) -> PyResult<Describe> {
-    let mut describe = Describe::default();
-    if let Some(k) = count("neighbors", neighbors)? {
-        describe.neighborhood = Neighborhood::Nearest(k);
-    }
+fn describe(neighbors: i64, viewpoint: Option<Vec3>) -> PyResult<Describe> {
+    let mut describe = Describe {
+        neighborhood: Neighborhood::Nearest(count("neighbors", neighbors)?),
+        ..Describe::default()
+    };
     if let Some(at) = viewpoint {
         describe.orientation = Orientation::Towards(at);
     }
@@ -177,9 +214,4 @@ fn neighborhoods(cloud: &PointCloud, describe: &Describe) -> Result<(Neighbors, 
     let neighbors = Neighbors::find(cloud.points(), describe.neighborhood)?;
     let normals = normals::estimate(cloud, &neighbors, describe.orientation)?;
     Ok((neighbors, normals))
-}
-
-fn descriptors(cloud: &PointCloud, describe: &Describe) -> Result<Descriptors> {
-    let (neighbors, normals) = neighborhoods(cloud, describe)?;
-    descriptor::fpfh(cloud.points(), &normals.vectors, &neighbors, describe.histogram)
 }

@@ -1,42 +1,44 @@
-//! The extension module `cfreg` for Python: translates, decides nothing.
+//! The face towards Python: translates, decides nothing.
 //!
-//! Only this folder names pyo3 and numpy. [`arrays`] turns arrays into clouds and back,
-//! [`errors`] is the one doorway out of Python: there the interpreter is released and
-//! the crate's errors become exceptions.
+//! Only this folder names pyo3 and numpy. It makes the extension module `cfreg._native`, the
+//! ground floor of the package in the folder `cfreg` beside: here are clouds, features,
+//! moments and the calls of long work, there the methods, weights and results by their
+//! names in Python, and what is known of other libraries.
+//!
+//! [`arrays`] turns arrays into numbers and back, [`cloud`] whatever stands for a cloud into
+//! one; [`doorway`] is the one way into long work: there the interpreter is released and
+//! signals are looked after; [`errors`] makes exceptions of the crate's errors.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
-//! for `help()`; `None` always means the default of the Rust struct, and the module's
-//! tests compare the two.
+//! for `help()`; the module's tests compare them with those of the Rust structs.
 
 mod arrays;
+mod cloud;
+mod doorway;
 mod errors;
 mod features;
 mod moments;
 mod registration;
+mod weights;
 
-/// Rigid point-cloud registration without correspondences and without an initial guess.
-///
-/// `register` does everything; `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve`
-/// are its stages, for those who bring their own descriptors or weights.
-///
-/// Points are numpy arrays (N, 3) of float32 or float64 in any unit, points in rows, with
-/// any strides. `source` is moved onto `target`: a pose is the 4x4 matrix T_target_source.
-/// Results do not depend on the number of threads. No function holds the interpreter while
-/// it computes.
-///
-/// Errors: TypeError for what is not such an array; ValueError for shapes, values and
-/// settings, naming the argument; RegistrationError (a ValueError) where the clouds do not
-/// determine an answer.
-#[pyo3::pymodule]
-mod cfreg {
+/// The compiled part of cfreg.
+#[pyo3::pymodule(gil_used = false)]
+mod _native {
     #[pymodule_export]
-    use super::errors::RegistrationError;
+    use super::cloud::{PyCloud, read, write};
+    #[pymodule_export]
+    use super::errors::{
+        DegenerateError, FileFormatError, NoWeightError, NonFiniteError, RegistrationError,
+        SettingError, ShapeError, TooFewPointsError,
+    };
     #[pymodule_export]
     use super::features::{estimate_normals, fpfh, keypoints};
     #[pymodule_export]
-    use super::moments::{Moments, moments, solve};
+    use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
-    use super::registration::register;
+    use super::registration::{evaluate, register, settings};
+    #[pymodule_export]
+    use super::weights::{check_kernel, kernel_weights};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "Python's name for it")]

@@ -1,16 +1,23 @@
 //! Moments of the full connection, and poses from them.
 
-use numpy::{PyArray1, PyArray2};
+use numpy::prelude::*;
+use numpy::{PyArray1, PyArray2, dtype};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use super::arrays::{descriptors, read_only, table, whole_cloud};
-use super::errors::{exception, released};
-use super::registration::{Beta, cf};
-use crate::cloud::{Descriptors, PointCloud, Transform};
+use super::arrays::{as_array, descriptors, read_only, table};
+use super::cloud::{AnyCloud, BadRows, pose};
+use super::doorway::released;
+use super::errors::{SettingError, ShapeError, about, count, exception};
+use super::weights::Weights;
+use crate::cloud::{Descriptors, PointCloud};
+use crate::error::{Error, Result};
 use crate::math::Vec3;
-use crate::moments::{Described, FullConnection, Moments as Sums};
+use crate::method::Cf;
+use crate::moments::{Described, FullConnection, Moments as Sums, WeightedPair, of_pairs};
 use crate::par;
-use crate::pose;
+use crate::pose::{ScaleEstimate, Solver, solve as solved};
+use crate::weight::{Bandwidth, Normalization};
 
 /// Sums over all weighted pairs of source points p and target points q, about fixed
 /// origins: all that a closed form needs. Made by moments(); attributes are read-only.
@@ -83,9 +90,8 @@ impl Moments {
     ///
     /// transform : (4, 4), T_target_source: rotation times scale, and translation.
     /// ValueError where it is no such matrix.
-    fn residual(&self, transform: [[f64; 4]; 4]) -> PyResult<f64> {
-        let transform = Transform::from_matrix(transform).map_err(exception)?;
-        Ok(self.0.residual(&transform))
+    fn residual(&self, transform: &Bound<'_, PyAny>) -> PyResult<f64> {
+        Ok(self.0.residual(&pose(transform, "transform")?))
     }
 
     fn __repr__(&self) -> String {
@@ -107,15 +113,23 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 ///
 /// Parameters
 /// ----------
-/// source_points, target_points : (N, 3) and (M, 3), float32 or float64
+/// source_points, target_points : PointCloud, array (N, 3) and (M, 3) of float32 or float64,
+///     or whatever else PointCloud takes
 /// source_descriptors, target_descriptors : (N, D) and (M, D), float32 or float64, of any
 ///     kind; fpfh() makes one
 /// weights : kernel of the squared distance d^2: "gaussian" exp(-d^2/beta), "laplacian",
-///     "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"
+///     "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"; a kernel
+///     of cfreg.weights, or several put together; or any function that is given a float32
+///     array (sources, targets) of squared distances, part by part, and returns as many
+///     weights, each from its distance alone
 /// beta : squared bandwidth in squared units of the descriptors, 1e-12 to 1e12; "auto", or
 ///     "auto:SHARE", the share (0.25) of the median squared distance to the most similar
-///     point of the other cloud. None: the paper's 100, for FPFH of scale "pcl"
+///     point of the other cloud. None: the paper's 100, for FPFH of scale "pcl". Only for
+///     weights that are a name: the others have their own
 /// normalize : "none", "source", "target", "both" (dual softmax) or "sinkhorn:N"
+/// tolerance : how much of the sum of weights may be left out, as a share of it, 0 to below
+///     1, which is faster for clouds of tens of thousands of points. 0: every pair. Only for
+///     weights that are a name
 /// threads : 0 for all cores; never changes the result
 ///
 /// Returns
@@ -124,14 +138,30 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 ///
 /// Raises
 /// ------
-/// RegistrationError : no point, or no connection with any weight
-/// ValueError : a row that is not finite, named; a shape or setting out of range
+/// RegistrationError : no point (TooFewPointsError), or no connection with any weight
+///     (NoWeightError)
+/// NonFiniteError : a row that is not finite, named
+/// ShapeError : not (N, 3), or not one descriptor a point
+/// SettingError : a setting out of range
 /// TypeError : not an array of float32 or float64
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> points, colours = np.random.default_rng(0).random((2, 50, 3))
+/// >>> moments = cfreg.moments(points, points + 1.0, colours, colours, beta=0.01)
+/// >>> cfreg.solve(moments).round(2)[:3, 3]
+/// array([1., 1., 1.])
+/// >>> step = cfreg.moments(points, points, colours, colours, weights=lambda d2: d2 < 1e-6)
+/// >>> round(step.weight)
+/// 50
 #[pyfunction]
 #[pyo3(signature = (
     source_points, target_points, source_descriptors, target_descriptors,
-    weights="gaussian", beta=None, normalize="none", threads=0,
+    weights=None, beta=None, normalize="none", tolerance=0.0, threads=0,
 ))]
+#[pyo3(text_signature = "(source_points, target_points, source_descriptors, \
+    target_descriptors, weights='gaussian', beta=None, normalize='none', tolerance=0.0, threads=0)")]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn moments(
     py: Python<'_>,
@@ -139,34 +169,158 @@ pub(super) fn moments(
     target_points: &Bound<'_, PyAny>,
     source_descriptors: &Bound<'_, PyAny>,
     target_descriptors: &Bound<'_, PyAny>,
-    weights: Option<&str>,
+    weights: Option<&Bound<'_, PyAny>>,
     beta: Option<Beta>,
-    normalize: Option<&str>,
-    threads: Option<i64>,
+    normalize: &str,
+    tolerance: f64,
+    threads: i64,
 ) -> PyResult<Moments> {
-    let config = cf(weights, beta, normalize, None, None, threads)?;
-    let source = whole_cloud(source_points, "source_points")?;
-    let target = whole_cloud(target_points, "target_points")?;
+    let named = |setting: &str| {
+        let message = format!("{setting}: only for weights that are a name; these have their own");
+        Err(SettingError::new_err(message))
+    };
+    let weights = match weights {
+        Some(weights) => Weights::read(weights, "weights")?,
+        None => Weights::Named(Cf::default().weights),
+    };
+    if let Weights::Own(_) = &weights {
+        if beta.is_some() {
+            return named("beta");
+        }
+        if tolerance != 0.0 {
+            return named("tolerance");
+        }
+    }
+    let beta = beta.map(Bandwidth::try_from).transpose().map_err(|error| about("beta", error))?;
+    let beta = beta.unwrap_or_else(|| Cf::default().bandwidth());
+    let normalize: Normalization = normalize.parse().map_err(|error| about("normalize", error))?;
+    let threads = count("threads", threads)?;
+    let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;
+    let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
+    let (source, target) = (source.get(), target.get());
     let from =
         descriptors(source_descriptors, "source_descriptors", source.len(), "source_points")?;
     let to = descriptors(target_descriptors, "target_descriptors", target.len(), "target_points")?;
     if from.dim() != to.dim() {
         let what = "columns of target_descriptors, against source_descriptors".into();
         let (expected, found) = (from.dim(), to.dim());
-        return Err(exception(crate::Error::Shape { what, expected, found }));
+        return Err(exception(Error::Shape { what, expected, found }));
     }
-    let sums = released(py, || {
-        par::with_threads(config.threads, || {
-            let connection = FullConnection::new(side(&source, &from), side(&target, &to))?;
-            let beta = connection.bandwidth(config.bandwidth())?;
-            connection.scheme_moments(config.weights, beta, config.normalization)
-        })?
-    })?;
-    Ok(Moments(sums))
+    let connection = || FullConnection::new(side(source, &from), side(target, &to));
+    let sums = match &weights {
+        Weights::Named(scheme) => released(py, || {
+            par::with_threads(threads, || {
+                let connection = connection()?;
+                let beta = connection.bandwidth(beta)?;
+                connection.scheme_moments(*scheme, beta, normalize)
+            })?
+        }),
+        Weights::Own(own) => own.blamed(released(py, || {
+            par::with_threads(threads, || own.moments(&connection()?, normalize))?
+        })),
+    };
+    sums.map(Moments)
 }
 
 fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a> {
     Described { points: cloud.points(), origin: cloud.origin(), descriptors }
+}
+
+/// A bandwidth: a number, or how to find it.
+#[derive(FromPyObject)]
+pub(super) enum Beta {
+    Number(f64),
+    Word(String),
+}
+
+impl TryFrom<Beta> for Bandwidth {
+    type Error = Error;
+    fn try_from(beta: Beta) -> Result<Self> {
+        match beta {
+            Beta::Number(beta) => Ok(beta.into()),
+            Beta::Word(text) => text.parse(),
+        }
+    }
+}
+
+/// Sum over pairs that are listed: correspondences of one's own.
+///
+/// Parameters
+/// ----------
+/// source_points, target_points : as in moments()
+/// pairs : (K, 2) array of integers, a row of source_points and one of target_points each
+/// weights : (K,) array of float32 or float64, finite and not negative. None: all 1
+///
+/// Returns
+/// -------
+/// Moments
+///
+/// Raises
+/// ------
+/// NoWeightError : no pair, or none with any weight
+/// ShapeError : a row that is not there, or not one weight a pair
+/// NonFiniteError, SettingError, TypeError : as in moments()
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> points = np.random.default_rng(0).random((9, 3))
+/// >>> pairs = np.column_stack([np.arange(9), np.arange(9)])
+/// >>> cfreg.solve(cfreg.moments_of_pairs(points, points + 1.0, pairs)).round(3)[0].tolist()
+/// [1.0, 0.0, 0.0, 1.0]
+#[pyfunction]
+#[pyo3(signature = (source_points, target_points, pairs, weights=None))]
+pub(super) fn moments_of_pairs(
+    py: Python<'_>,
+    source_points: &Bound<'_, PyAny>,
+    target_points: &Bound<'_, PyAny>,
+    pairs: &Bound<'_, PyAny>,
+    weights: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Moments> {
+    let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;
+    let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
+    let pairs = index_pairs(pairs, "pairs")?;
+    let weights = match weights {
+        None => vec![1.0; pairs.len()],
+        Some(weights) => {
+            let column = as_array(weights)?.call_method1("reshape", (-1, 1))?;
+            let column = descriptors(&column, "weights", pairs.len(), "pairs")?;
+            column.as_slice().iter().map(|&w| f64::from(w)).collect()
+        }
+    };
+    if let Some(bad) = weights.iter().find(|&&w| w < 0.0) {
+        let error = Error::config("weights", bad, "must not be negative");
+        return Err(exception(error));
+    }
+    let weigh = |(&(source, target), &weight)| WeightedPair { source, target, weight };
+    let pairs: Vec<WeightedPair> = pairs.iter().zip(&weights).map(weigh).collect();
+    let (source, target) = (source.get(), target.get());
+    released(py, || of_pairs(source, target, &pairs)).map(Moments)
+}
+
+/// Rows (K, 2) of indices.
+pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u32, u32)>> {
+    let array = as_array(any)?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if shape.len() != 2 || shape[1] != 2 {
+        let found = array.getattr("shape")?;
+        return Err(ShapeError::new_err(format!("{name}: expected shape (K, 2), found {found}")));
+    }
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if kind != "i" && kind != "u" {
+        let found = array.getattr("dtype")?;
+        let message = format!("{name} must be integers, not {found}");
+        return Err(PyTypeError::new_err(message));
+    }
+    let py = any.py();
+    let rows = array.call_method1("astype", (dtype::<i64>(py), "C"))?;
+    let rows = rows.cast::<PyArray2<i64>>()?.try_readonly()?;
+    let rows = rows.as_slice()?.as_chunks::<2>().0;
+    py.detach(|| {
+        let index = |index: i64| u32::try_from(index).map_err(|_| index);
+        rows.iter().map(|&[a, b]| Ok((index(a)?, index(b)?))).collect::<Result<_, i64>>()
+    })
+    .map_err(|index| ShapeError::new_err(format!("{name}: {index} is no row of a cloud")))
 }
 
 /// Solve in closed form for the pose of least weighted residual.
@@ -186,18 +340,19 @@ fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a
 ///
 /// Raises
 /// ------
-/// RegistrationError : the weighted pairs do not determine a rotation
-/// ValueError : a setting out of range
+/// DegenerateError : the weighted pairs do not determine a rotation
+/// SettingError : a setting out of range
 #[pyfunction]
 #[pyo3(signature = (moments, solver="arun", scale="fixed"))]
 pub(super) fn solve<'py>(
     py: Python<'py>,
     moments: &Bound<'py, Moments>,
-    solver: Option<&str>,
-    scale: Option<&str>,
+    solver: &str,
+    scale: &str,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let config = cf(None, None, None, solver, scale, None)?;
-    let sums = moments.get().0;
-    let solution = released(py, || pose::solve(&sums, config.solver, config.scale))?;
-    Ok(table(py, 4, solution.transform.matrix().as_flattened().to_vec()))
+    let solver: Solver = solver.parse().map_err(|error| about("solver", error))?;
+    let scale: ScaleEstimate = scale.parse().map_err(|error| about("scale", error))?;
+    // Some microseconds: no need to let others run.
+    let solution = solved(&moments.get().0, solver, scale).map_err(exception)?;
+    Ok(table(py, 4, solution.transform.matrix().concat()))
 }

@@ -1,6 +1,6 @@
 //! How well two clouds lie on each other under a pose.
 
-use serde::Serialize;
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -12,7 +12,9 @@ use crate::search::{self, SearchTree};
 pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
 
 /// Agreement of two clouds under a pose.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+///
+/// Serialises with its [`agreement`](Self::agreement).
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
     /// Share of the *source* points that have a target point within
     /// [`max_distance`](Self::max_distance) once moved, in [0, 1].
@@ -35,6 +37,19 @@ impl Evaluation {
     /// chance is 1.
     pub fn agreement(&self) -> f64 {
         if self.chance < 1.0 { (self.fitness - self.chance) / (1.0 - self.chance) } else { 0.0 }
+    }
+}
+
+impl Serialize for Evaluation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("Evaluation", 6)?;
+        fields.serialize_field("fitness", &self.fitness)?;
+        fields.serialize_field("target_fitness", &self.target_fitness)?;
+        fields.serialize_field("inlier_rmse", &self.inlier_rmse)?;
+        fields.serialize_field("max_distance", &self.max_distance)?;
+        fields.serialize_field("chance", &self.chance)?;
+        fields.serialize_field("agreement", &self.agreement())?;
+        fields.end()
     }
 }
 

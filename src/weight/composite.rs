@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 ///     at(WeightScheme::Gaussian, 100.0),
 ///     Composite::Times(0.5, Box::new(at(WeightScheme::Truncated, 30.0))),
 /// ]);
-/// let both = both.resolved(|bandwidth| Ok(bandwidth))?;
+/// let both = both.resolved(Ok)?;
 /// assert_eq!((both.weight(0.0), both.weight(31.0)), (0.5, 0.0));
 /// # Ok::<(), cfreg::Error>(())
 /// ```
@@ -188,7 +188,7 @@ mod tests {
     }
 
     fn fixed(composite: &Composite) -> Result<ResolvedComposite> {
-        composite.resolved(|bandwidth| Ok(bandwidth))
+        composite.resolved(Ok)
     }
 
     proptest! {

@@ -1,0 +1,89 @@
+"""Rigid point-cloud registration without correspondences and without an initial guess.
+
+>>> import cfreg, numpy as np
+>>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
+>>> source = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
+>>> target = source @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+>>> found = cfreg.register(source, target, neighbors=60)
+>>> found.trusted, found.transform.round(2)[0].tolist()
+(True, [0.0, -1.0, 0.0, 0.0])
+
+`register` does everything; `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are its methods
+as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
+`estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
+kernels, for those who bring descriptors or weights of their own.
+
+Points are numpy arrays (N, 3) of float32 or float64 in any unit, points in rows, with any
+strides, or clouds of Open3D, trimesh, pyvista and small_gicp. `source` is moved onto `target`:
+a pose is the 4x4 matrix T_target_source. Results are the same bits for any number of threads.
+No function holds the interpreter while it computes; Ctrl-C ends it.
+
+Errors: TypeError for what is no such array; ValueErrors that name the argument for the rest:
+ShapeError, NonFiniteError, SettingError, FileFormatError; RegistrationError where the clouds do
+not determine an answer: TooFewPointsError, NoWeightError, DegenerateError.
+"""
+
+from . import weights
+from ._native import (
+    DegenerateError,
+    FileFormatError,
+    Moments,
+    NonFiniteError,
+    NoWeightError,
+    PointCloud,
+    RegistrationError,
+    SettingError,
+    ShapeError,
+    TooFewPointsError,
+    __version__,
+    estimate_normals,
+    fpfh,
+    keypoints,
+    moments,
+    moments_of_pairs,
+    read,
+    solve,
+    write,
+)
+from .methods import CF, CFK, CPD, DARE, ICP, KC, METHODS, TEASER, Method, method, register
+from .results import Doubt, Evaluation, Judgement, Registration, TruthError, evaluate
+
+__all__ = [
+    "CF",
+    "CFK",
+    "CPD",
+    "DARE",
+    "DegenerateError",
+    "Doubt",
+    "Evaluation",
+    "FileFormatError",
+    "ICP",
+    "Judgement",
+    "KC",
+    "METHODS",
+    "Method",
+    "Moments",
+    "NoWeightError",
+    "NonFiniteError",
+    "PointCloud",
+    "Registration",
+    "RegistrationError",
+    "SettingError",
+    "ShapeError",
+    "TEASER",
+    "TooFewPointsError",
+    "TruthError",
+    "__version__",
+    "estimate_normals",
+    "evaluate",
+    "fpfh",
+    "keypoints",
+    "method",
+    "moments",
+    "moments_of_pairs",
+    "read",
+    "register",
+    "solve",
+    "weights",
+    "write",
+]

@@ -1,0 +1,138 @@
+"""The methods, each a small configuration that registers.
+
+Every method is weights on the full connection and a closed form. `CF`, `CFK` and `TEASER`
+need no start; `ICP`, `KC`, `CPD` and `DARE` start from the pose in which the clouds lie, or
+from `initial`, and refine what the others found.
+
+Settings are fields, given by name, checked when the method is made and never changed;
+`dataclasses.replace` makes another method of one. What is None follows from the clouds or
+from other settings. `threads` is 0 for all cores, and never changes a result.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _native
+from ..results import Registration
+from .base import Method, Refinements, Starting
+from .by_descriptor import CF, CFK, TEASER
+from .by_position import CPD, DARE, ICP, KC
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["CF", "CFK", "CPD", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "method", "register"]
+
+METHODS: Mapping[str, Callable[..., Method]] = {
+    "cf": CF,
+    "cf-multiscale": CF.multiscale,
+    "cfk": CFK,
+    "teaser": TEASER,
+    "icp": ICP,
+    "icp-paper": ICP.paper,
+    "plane-icp": ICP.plane,
+    "gicp": ICP.generalized,
+    "kc": KC,
+    "cpd": CPD,
+    "dare": DARE,
+}
+"""Every method by its name."""
+
+
+def method(name: str, **settings: Any) -> Method:
+    """The method of that name.
+
+    name : "cf", "cf-multiscale", "cfk", "teaser", "icp", "icp-paper", "plane-icp", "gicp",
+        "kc", "cpd" or "dare"
+    settings : fields of its class
+
+    >>> import cfreg
+    >>> cfreg.method("gicp", max_distance=0.1).metric
+    'generalized'
+    """
+    if name not in METHODS:
+        raise _native.SettingError(f"method = {name}: must be one of {', '.join(METHODS)}")
+    fields = [field.name for field in dataclasses.fields(METHODS[name]())]
+    for setting, value in settings.items():
+        if setting not in fields:
+            rule = f"{name} has no such setting; it has {', '.join(fields)}"
+            raise _native.SettingError(f"{setting} = {value!r}: {rule}")
+    return METHODS[name](**settings)
+
+
+def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
+    """A method, given one or its name."""
+    if isinstance(given, str):
+        return method(given, **settings)
+    if not isinstance(given, Method):
+        raise TypeError(f"a method or its name is needed, not {type(given).__name__}")
+    for setting, value in settings.items():
+        rule = "the method was made already: give it there, or name the method"
+        raise _native.SettingError(f"{setting} = {value!r}: {rule}")
+    return given
+
+
+def register(
+    source: Any,
+    target: Any,
+    method: str | Method = "cf",
+    *,
+    refine: Refinements = (),
+    initial: npt.ArrayLike | None = None,
+    matches: npt.ArrayLike | None = None,
+    **settings: Any,
+) -> Registration:
+    """Find the pose of the source in the frame of the target.
+
+    Parameters
+    ----------
+    source, target : PointCloud, (N, 3) array of float32 or float64 in any unit and of any
+        strides, or a cloud of Open3D, trimesh, pyvista or small_gicp. Rows that are not
+        finite are left out and counted
+    method : "cf" (the paper's full connection), "cf-multiscale" (with the sharpest weights),
+        "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
+        "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made
+    refine : a method that starts from a pose, by name or made, or several, one after the
+        other: "gicp", ["icp", cfreg.ICP.plane(max_distance=0.1)]
+    initial : (4, 4) pose to start from, for the methods that start from one
+    matches : (K, 2) rows of source and target, for "teaser"
+    settings : of the method, by the fields of its class
+
+    Returns
+    -------
+    Registration : `transform` (4, 4) maps source points into the frame of the target;
+        `trusted` and `doubts` say whether to believe it
+
+    Raises
+    ------
+    RegistrationError : too few points, no connection with any weight, or clouds that do not
+        determine a rotation
+    SettingError : a setting that the method does not have, or out of its range
+    ShapeError, TypeError : not an (N, 3) array of float32 or float64
+
+    Examples
+    --------
+    >>> import cfreg, numpy as np
+    >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
+    >>> source = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
+    >>> target = source[:, [1, 0, 2]] * [-1, 1, 1]
+    >>> found = cfreg.register(source, target, neighbors=60)
+    >>> found.trusted, found.transform.round(3)[0].tolist()
+    (True, [0.0, -1.0, 0.0, 0.0])
+    """
+    chosen = _made(method, settings)
+    others: dict[str, Any] = {}
+    if initial is not None:
+        if not isinstance(chosen, Starting):
+            raise _native.SettingError(f"initial: {chosen.name} starts from no pose: leave it out")
+        others["initial"] = initial
+    if matches is not None:
+        if not isinstance(chosen, TEASER):
+            raise _native.SettingError(f"matches: {chosen.name} takes none: leave them out")
+        others["matches"] = np.asarray(matches)
+    return chosen._register(source, target, refine, **others)

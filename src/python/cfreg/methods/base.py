@@ -1,0 +1,118 @@
+"""What methods have in common."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Union
+
+
+from .. import _interop, _native
+from ..results import Registration
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+Refinements = Union[str, "Method", Iterable[Union[str, "Method"]]]
+"""Methods that start from a pose, by name or made."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Method:
+    """What all methods have."""
+
+    name: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        self.settings()
+
+    def register(self, source: Any, target: Any, *, refine: Refinements = ()) -> Registration:
+        """Find the pose of the source in the frame of the target.
+
+        source, target : PointCloud, (N, 3) array of float32 or float64, or whatever else
+            PointCloud takes, in the same unit
+        refine : methods that start from a pose, by name or made, one after the other
+
+        Raises RegistrationError where the clouds do not determine an answer; an answer that
+        is not to be trusted is no error, but has `trusted` False and its `doubts`.
+        """
+        return self._register(source, target, refine)
+
+    def settings(self) -> dict[str, Any]:
+        """Every setting by its name in the `config` of a result."""
+        settings: dict[str, Any] = json.loads(_native.settings(*self._named()))
+        return settings
+
+    def _named(self) -> tuple[str, str]:
+        """Name, and the settings that differ from None as JSON."""
+        given = self._given()
+        return self.name, _interop.to_json({k: v for k, v in given.items() if v is not None})
+
+    def _given(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+
+    def _register(
+        self, source: Any, target: Any, refine: Refinements, **others: Any
+    ) -> Registration:
+        if isinstance(refine, (str, Method)):
+            refine = [refine]
+        refinements = [(one, "{}") if isinstance(one, str) else one._named() for one in refine]
+        found = _native.register(source, target, self._named(), refinements, **others)
+        return Registration(json.loads(found))
+
+    def __repr__(self) -> str:
+        """Only what differs from the defaults."""
+        fields = ((field, getattr(self, field.name)) for field in dataclasses.fields(self))
+        given = [f"{field.name}={value!r}" for field, value in fields if value != field.default]
+        return f"{type(self).__name__}({', '.join(given)})"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Starting(Method):
+    """A method that starts from a pose."""
+
+    def register(
+        self,
+        source: Any,
+        target: Any,
+        *,
+        initial: npt.ArrayLike | None = None,
+        refine: Refinements = (),
+    ) -> Registration:
+        """As Method.register.
+
+        initial : (4, 4) pose to start from. None: the pose in which the clouds lie
+        """
+        return self._register(source, target, refine, initial=initial)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Describing(Method):
+    """A method that describes points by FPFH.
+
+    neighbors : nearest points of a neighbourhood, the point itself counted, at least 3
+    radius : all points within this radius instead, in the unit of the clouds
+    normal_neighbors : nearest points for normals. None: as for descriptors
+    more_neighbors : more scales whose descriptors are put beside, each by its nearest points,
+        200, or by those for its normals too, "200:50"
+    orientation : where normals point: "viewpoint" (the cloud's, or else the origin),
+        "outward", "stored" (those of the clouds), or three numbers to look towards
+    histogram : "pcl", blocks that sum to 100, or "open3d", blocks that sum to 200
+    """
+
+    neighbors: int = 150
+    radius: float | None = None
+    normal_neighbors: int | None = None
+    more_neighbors: Sequence[int | str] = ()
+    orientation: str | Sequence[float] = "viewpoint"
+    histogram: str = "pcl"
+
+    def _given(self) -> dict[str, Any]:
+        given = super()._given()
+        if self.radius is not None:
+            del given["neighbors"]
+        if not isinstance(self.orientation, str):
+            given["viewpoint"] = given.pop("orientation")
+        return given

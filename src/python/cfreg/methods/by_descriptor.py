@@ -1,0 +1,162 @@
+"""Methods that weigh connections by descriptors, and need no start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from .. import _native
+from ..results import Registration
+from ..weights import Kernel, Weights, _Catalogued
+from .base import Describing, Refinements
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CF(Describing):
+    """The paper's full connection: describe every point, connect all, solve once.
+
+    Finds any rotation without a start where both clouds show the same surface; partial
+    overlap pulls the pose away, and the result says so. `CF.multiscale()` has the best
+    weights of the study: a quarter of the error at five to six times the cost.
+
+    weights : kernel of the squared distance of descriptors: a name ("gaussian", "laplacian",
+        "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"), a kernel
+        of cfreg.weights, or a function, see `cfreg.moments`
+    beta : squared bandwidth, 1e-12 to 1e12, "auto" or "auto:SHARE". None: 100 for the
+        histogram "pcl", 400 for "open3d". Only for weights that are a name
+    normalize : "none", "source", "target", "both" (dual softmax), "sinkhorn:N"
+    tolerance : share of the sum of weights that may be left out for speed, 0 to below 1
+    solver : "arun", "horn-quaternion", "horn-matrix", "walker"; all give the same answer
+    scale : "fixed", "umeyama", "symmetric"
+    neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram : how points
+        are described: nearest points of a neighbourhood (or all within a radius), those for
+        normals, more scales beside (200, or "200:50" with those for normals), where normals
+        point ("viewpoint", "outward", "stored", or three numbers), whose FPFH
+
+    >>> import cfreg
+    >>> cfreg.CF(neighbors=100, normalize="both").beta is None
+    True
+    """
+
+    name: ClassVar[str] = "cf"
+    weights: str | Kernel | Weights = "gaussian"
+    beta: float | str | None = None
+    normalize: str = "none"
+    tolerance: float = 0.0
+    solver: str = "arun"
+    scale: str = "fixed"
+    threads: int = 0
+
+    @classmethod
+    def multiscale(cls, **settings: Any) -> CF:
+        """Three scales, a bandwidth from the descriptors and dual softmax."""
+        return cls(
+            **{
+                "neighbors": 100,
+                "normal_neighbors": 10,
+                "more_neighbors": ("200:50", "400:150"),
+                "histogram": "open3d",
+                "beta": "auto",
+                "normalize": "both",
+                **settings,
+            }
+        )
+
+    def _own_weights(self) -> bool:
+        """Whether the weights are no kernel of the catalogue."""
+        return not isinstance(self.weights, (str, _Catalogued))
+
+    def _given(self) -> dict[str, Any]:
+        given = super()._given()
+        if not self.tolerance: given.pop("tolerance")  # TODO
+        if not isinstance(self.weights, str):
+            for name in ("beta",) if not self._own_weights() else ("beta", "tolerance"):
+                if given.get(name):
+                    rule = "only for weights that are a name; these have their own"
+                    raise _native.SettingError(f"{name} = {given.get(name)}: {rule}")
+        if isinstance(self.weights, _Catalogued):
+            spec = self.weights._spec()
+            given["weights"], given["beta"] = spec["kernel"], spec["beta"]
+        elif self._own_weights():
+            if not callable(self.weights):
+                kind = type(self.weights).__name__
+                raise TypeError(f"weights must be a name, a kernel or a function, not {kind}")
+            # The compiled part knows them only while it registers.
+            del given["weights"]
+        return given
+
+    def _register(
+        self, source: Any, target: Any, refine: Refinements, **others: Any
+    ) -> Registration:
+        if not self._own_weights():
+            return super()._register(source, target, refine, **others)
+        weights = {"weights": self.weights, "normalize": self.normalize}
+        found = super()._register(source, target, refine, **weights, **others)
+        return found._weighed_by(_named(self.weights), self.normalize)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CFK(CF):
+    """The full connection of keypoints: as CF, with n^2 pairs instead of N^2.
+
+    detector : "sift", "iss", or one with its settings, {"sift": {"octaves": 3}}, see
+        `cfreg.keypoints`
+    """
+
+    name: ClassVar[str] = "cfk"
+    detector: str | Mapping[str, Any] = "sift"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class TEASER(Describing):
+    """Matches of descriptors, the largest consistent set of them, truncated least squares.
+
+    cross_check : whether matches must be the best both ways
+    noise_bound : how far a right match may be off, in the unit of the clouds. None: four
+        resolutions of the coarser cloud
+    estimate_scale : whether the clouds may differ in scale
+    gnc_factor, cost_threshold, max_iterations : of the graduated non-convexity
+    clique_steps : most steps of the search for the largest consistent set
+    certify : whether to bound how far the rotation is from the best
+    trace : whether to record every iteration
+    neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram : see CF
+    """
+
+    name: ClassVar[str] = "teaser"
+    cross_check: bool = True
+    noise_bound: float | None = None
+    estimate_scale: bool = False
+    gnc_factor: float = 1.4
+    cost_threshold: float = 0.005
+    max_iterations: int = 1000
+    clique_steps: int = 5_000_000
+    certify: bool = False
+    trace: bool = False
+    threads: int = 0
+
+    def register(
+        self,
+        source: Any,
+        target: Any,
+        *,
+        matches: npt.ArrayLike | None = None,
+        refine: Refinements = (),
+    ) -> Registration:
+        """As Method.register.
+
+        matches : (K, 2) integers, a row of the source and one of the target each, right or
+            wrong, instead of those by descriptors. The clouds must then be finite
+        """
+        matches = None if matches is None else np.asarray(matches)
+        return self._register(source, target, refine, matches=matches)
+
+
+def _named(weights: Any) -> str:
+    """Kernels tell themselves; of functions the name, not the address."""
+    return repr(weights) if isinstance(weights, Kernel) else getattr(weights, "__name__", repr(weights))

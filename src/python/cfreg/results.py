@@ -1,0 +1,278 @@
+"""What registrations return."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _interop, _native
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["Doubt", "Evaluation", "Registration", "TruthError", "evaluate"]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How the clouds lie on each other under a pose.
+
+    fitness : share of *source* points that have a target point within max_distance, 0 to 1
+    target_fitness : share of *target* points that have a source point within it
+    inlier_rmse : root mean square distance of the pairs in fitness, in the target's unit;
+        NaN where there is none
+    max_distance : largest distance that counts, in the target's unit
+    chance : fitness of wrong rotations of the same clouds
+    agreement : fitness beyond chance, (fitness - chance)/(1 - chance): comparable between
+        clouds of different density and shape, where fitness is not
+    """
+
+    fitness: float
+    target_fitness: float
+    inlier_rmse: float
+    max_distance: float
+    chance: float
+    agreement: float
+
+    @classmethod
+    def _of(cls, facts: dict[str, Any]) -> Evaluation:
+        return cls(**{name: math.nan if value is None else value for name, value in facts.items()})
+
+
+@dataclass(frozen=True)
+class TruthError:
+    """How far a pose is from the true one.
+
+    rotation_deg : angle between the rotations, degrees
+    rotation_frobenius : ||I - R Rgt^T||_F, the paper's accuracy, 0 to 2.83
+    translation : distance at the source's centroid, in the target's unit
+    """
+
+    rotation_deg: float
+    rotation_frobenius: float
+    translation: float
+
+
+@dataclass(frozen=True)
+class Judgement(Evaluation):
+    """An Evaluation, and the error against the truth where that was given.
+
+    truth : TruthError, or None
+    """
+
+    truth: TruthError | None = None
+
+
+def evaluate(
+    source: Any,
+    target: Any,
+    transform: npt.ArrayLike,
+    max_distance: float | None = None,
+    truth: npt.ArrayLike | None = None,
+) -> Judgement:
+    """Look at the clouds under a pose, whoever found it.
+
+    Parameters
+    ----------
+    source, target : see `cfreg.register`
+    transform : (4, 4), maps source points into the frame of the target
+    max_distance : largest distance that counts, in the target's unit. None: twice the
+        resolution of the coarser cloud
+    truth : (4, 4), the true pose, if known
+
+    Returns
+    -------
+    Judgement : fitness, inlier_rmse and more; `truth` has the errors of the pose
+
+    Raises
+    ------
+    TooFewPointsError : an empty cloud
+    SettingError : no rigid matrix, or a max_distance that is negative or not finite
+
+    Examples
+    --------
+    >>> import cfreg, numpy as np
+    >>> points = np.random.default_rng(0).random((200, 3))
+    >>> cfreg.evaluate(points, points, np.eye(4)).fitness
+    1.0
+    """
+    found = json.loads(_native.evaluate(source, target, transform, max_distance, truth))
+    evaluation = Evaluation._of(found["evaluation"])
+    error = found["truth"]
+    return Judgement(**vars(evaluation), truth=None if error is None else TruthError(**error))
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A ground to doubt a pose.
+
+    ground : its name: "low-agreement", "weak-rotation", "not-converged" and others
+    message : what it says
+    facts : the numbers it rests on, such as found and needed
+    """
+
+    ground: str
+    message: str
+    facts: dict[str, float]
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class Registration:
+    """A pose, what it rests on, and what speaks against it.
+
+    transform : (4, 4) float64, read-only, T_target_source: maps source points into the
+        target's frame, in the unit of the target
+    method : name of the method
+    trusted : whether nothing speaks against the pose
+    doubts : what does, Doubt each
+    evaluation : Evaluation of the clouds under the pose
+    weighted_rms : root mean square of the weighted connections, in the target's unit; of the
+        size of the cloud on a full connection, whatever the pose
+    beta : squared bandwidth in force, for methods that weigh by descriptors
+    connections, effective_connections : pairs that were weighed, and (sum w)^2 / sum w^2
+    singular_values : three, of the weighted cross-covariance, relative to the clouds' spread
+    iterations, stop : how often weights were made and solved, and what ended it
+    points : of "source" and "target" the points dropped, used and described
+    seconds : of each stage by name, and "total"
+    config : every setting that was in force
+    trace : every iteration, where `trace` was set
+    certificate : of "teaser", where `certify` was set
+    refined_from : the Registration that this one refined, or None
+
+    Pickles, and tells itself in a line (repr), in a table (notebooks) and in full (to_dict).
+    """
+
+    def __init__(self, facts: dict[str, Any]) -> None:
+        self._facts = facts
+        self.transform: npt.NDArray[np.float64] = np.array(facts["transform"], dtype=np.float64)
+        self.transform.setflags(write=False)
+        self.method: str = facts["method"]
+        self.trusted: bool = facts["trusted"]
+        self.doubts: tuple[Doubt, ...] = tuple(
+            Doubt(
+                doubt["ground"],
+                doubt["message"],
+                {k: v for k, v in doubt.items() if k not in ("ground", "message")},
+            )
+            for doubt in facts["doubts"]
+        )
+        self.evaluation = Evaluation._of(facts["evaluation"])
+        self.weighted_rms: float = facts["weighted_rms"]
+        self.beta: float | None = facts.get("beta")
+        self.connections: int = facts["connections"]
+        self.effective_connections: float = facts["effective_connections"]
+        self.singular_values: tuple[float, float, float] = tuple(facts["singular_values"])
+        self.iterations: int = facts["iterations"]
+        self.stop: str = facts["stop"]
+        self.points: dict[str, dict[str, Any]] = facts["points"]
+        self.seconds: dict[str, float] = facts["time_s"]
+        self.config: dict[str, Any] = facts["config"]
+        self.trace: list[dict[str, Any]] = facts.get("trace", [])
+        self.certificate: dict[str, Any] | None = facts.get("certificate")
+        before = facts.get("refined_from")
+        self.refined_from: Registration | None = None if before is None else Registration(before)
+
+    @property
+    def scale(self) -> float:
+        """Scale of the transform; 1 unless one was asked for."""
+        return float(np.cbrt(np.linalg.det(self.transform[:3, :3])))
+
+    @property
+    def rotation(self) -> npt.NDArray[np.float64]:
+        """(3, 3) rotation."""
+        rotation: npt.NDArray[np.float64] = self.transform[:3, :3] / self.scale
+        return rotation
+
+    @property
+    def translation(self) -> npt.NDArray[np.float64]:
+        """(3,) translation, in the target's unit."""
+        return self.transform[:3, 3]
+
+    @property
+    def angle_deg(self) -> float:
+        """Angle of the rotation, 0 to 180 degrees."""
+        r = self.rotation
+        sine = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
+        return math.degrees(math.atan2(float(np.linalg.norm(sine)), float(np.trace(r)) - 1.0))
+
+    def apply(self, cloud: Any) -> Any:
+        """`cloud`, of any kind that register takes, moved by the pose: the same kind again."""
+        return _interop.moved(cloud, self.transform)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as `cfreg register --json` prints it: only JSON's own types."""
+        return copy.deepcopy(self._facts)
+
+    def to_json(self, indent: int | None = None) -> str:
+        """The same as text."""
+        return json.dumps(self._facts, indent=indent)
+
+    def _weighed_by(self, weights: str, normalize: str) -> Registration:
+        """The same with weights, of no name, named in the configuration."""
+        facts = self.to_dict()
+        first = facts
+        while first.get("refined_from"):
+            first = first["refined_from"]
+        first["config"].update(weights=weights, normalization=normalize)
+        return Registration(facts)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Registration, (self._facts,)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Registration) and self._facts == other._facts
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        verdict = "trusted" if self.trusted else "doubted: " + ", ".join(d.ground for d in self.doubts)
+        t = ", ".join(f"{x:.4g}" for x in self.translation)
+        return (
+            f"Registration({self.method}, {verdict}, turned by {self.angle_deg:.2f} deg, "
+            f"moved by [{t}], fitness {self.evaluation.fitness:.3f}, "
+            f"agreement {self.evaluation.agreement:.2f}, {self.seconds['total']:.3g} s)"
+        )
+
+    def __str__(self) -> str:
+        lines = [repr(self), *(f"  {doubt}" for doubt in self.doubts)]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """The table that notebooks show."""
+        import html
+
+        evaluation, counts = self.evaluation, self.points
+        matrix = "".join(
+            "<tr>" + "".join(f"<td>{x:.6g}</td>" for x in row) + "</tr>" for row in self.transform
+        )
+        described = [counts[side]["described"] for side in ("source", "target")]
+        rows = {
+            "method": self.method,
+            "verdict": "trusted" if self.trusted else "not to be trusted",
+            **{f"doubt: {doubt.ground}": str(doubt) for doubt in self.doubts},
+            "rotation": f"{self.angle_deg:.3f} deg",
+            "fitness": f"{evaluation.fitness:.3f} of the source, {evaluation.target_fitness:.3f} "
+            f"of the target within {evaluation.max_distance:.4g}",
+            "agreement": f"{evaluation.agreement:.3f} beyond chance",
+            "inlier RMSE": f"{evaluation.inlier_rmse:.4g}",
+            "points": f"{described[0]} + {described[1]}",
+            "connections": f"{self.connections:,}, {self.effective_connections:.3g} effective",
+            "time": f"{self.seconds['total']:.3g} s",
+        }
+        colour = "#2a7" if self.trusted else "#c33"
+        table = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+            f"<td style='text-align:left'>{html.escape(text)}</td></tr>"
+            for name, text in rows.items()
+        )
+        return (
+            f"<div style='border-left:4px solid {colour};padding-left:8px'>"
+            f"<table>{table}</table><table>{matrix}</table></div>"
+        )

@@ -1,0 +1,391 @@
+//! `PointCloud`: made once, used for any number of calls; and all that may stand for one.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArray2, PyUntypedArray};
+use pyo3::PyTypeInfo;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyTuple;
+
+use super::arrays::{Table, as_array, interop, read_only, table};
+use super::doorway::released;
+use super::errors::{ShapeError, about, count, exception};
+use crate::cloud::{Parts, PointCloud as Cloud, Transform};
+use crate::error::Error;
+use crate::math::Vec3;
+use crate::{filter, io, search};
+
+/// Points, optionally with unit normals and the place they were seen from.
+///
+/// Made once, it is used by any number of calls without another copy. It cannot be changed.
+///
+/// Parameters
+/// ----------
+/// points : (N, 3) array of float32 or float64, any unit and any strides; rows with a NaN or
+///     an infinity (or a mask) are left out and counted in `dropped`. Also a point cloud or
+///     mesh of Open3D, trimesh, pyvista or small_gicp, whose normals come along
+/// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined
+/// viewpoint : three numbers in the frame of the points, where the sensor stood. Normals
+///     that are estimated point towards it
+///
+/// Raises
+/// ------
+/// TypeError : what is no such array
+/// ShapeError : not (N, 3), or not one normal a point
+/// ValueError : coordinates that span more than 1e15 or less than 1e-15
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np
+/// >>> cloud = cfreg.PointCloud(np.array([[0.0, 0, 0], [1, 0, 0], [0, np.nan, 0]]))
+/// >>> cloud
+/// PointCloud(2 points, 1 dropped, from [0, 0, 0] to [1, 0, 0])
+/// >>> cloud.points.shape, cloud.points.flags.writeable
+/// ((2, 3), False)
+#[pyclass(frozen, module = "cfreg", name = "PointCloud", eq)]
+pub(super) struct PyCloud {
+    cloud: Cloud,
+    /// What `points` and `normals` return, made when first asked for.
+    points: PyOnceLock<Py<PyAny>>,
+    normals: PyOnceLock<Py<PyAny>>,
+}
+
+impl PartialEq for PyCloud {
+    fn eq(&self, other: &Self) -> bool {
+        self.cloud == other.cloud
+    }
+}
+
+impl From<Cloud> for PyCloud {
+    fn from(cloud: Cloud) -> Self {
+        PyCloud { cloud, points: PyOnceLock::new(), normals: PyOnceLock::new() }
+    }
+}
+
+#[pymethods]
+impl PyCloud {
+    #[new]
+    #[pyo3(signature = (points, normals=None, viewpoint=None))]
+    fn new(
+        points: &Bound<'_, PyAny>,
+        normals: Option<&Bound<'_, PyAny>>,
+        viewpoint: Option<Vec3>,
+    ) -> PyResult<Self> {
+        let cloud = match AnyCloud::read(points, "points", normals, BadRows::Drop)? {
+            AnyCloud::Made(cloud) => cloud,
+            AnyCloud::Given(given) => given.get().cloud.clone(),
+        };
+        let cloud = match viewpoint {
+            Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
+            None => cloud,
+        };
+        Ok(cloud.into())
+    }
+
+    /// (N, 3) array of the coordinates, read-only: float32 as they are worked with, or
+    /// float64 where the cloud lies so far from zero that float32 would lose digits.
+    #[getter]
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let made = self.points.get_or_try_init(py, || {
+            let array = if self.cloud.origin() == [0.0; 3] {
+                let rows = py.detach(|| self.cloud.points().as_flattened().to_vec());
+                read_only(table(py, 3, rows)).into_any()
+            } else {
+                let rows = py.detach(|| self.cloud.positions().collect::<Vec<_>>());
+                read_only(table(py, 3, rows.into_flattened())).into_any()
+            };
+            Ok::<_, PyErr>(array.unbind())
+        })?;
+        Ok(made.bind(py).clone())
+    }
+
+    /// (N, 3) float32 array of unit normals, read-only, zero where undefined; None where the
+    /// cloud has none.
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(normals) = self.cloud.normals() else { return Ok(None) };
+        let made = self.normals.get_or_try_init(py, || {
+            let rows = py.detach(|| normals.as_flattened().to_vec());
+            Ok::<_, PyErr>(read_only(table(py, 3, rows)).into_any().unbind())
+        })?;
+        Ok(Some(made.bind(py).clone()))
+    }
+
+    /// Where the cloud was seen from, or None.
+    #[getter]
+    fn viewpoint<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.cloud.viewpoint().map(|at| read_only(PyArray1::from_slice(py, &at)))
+    }
+
+    /// Points with a NaN or infinite coordinate that were left out.
+    #[getter]
+    fn dropped(&self) -> usize {
+        self.cloud.dropped()
+    }
+
+    /// Lowest and highest corner, two rows of three; None where the cloud is empty.
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
+        let (low, high) = self.cloud.bounds()?;
+        Some(read_only(table(py, 3, [low, high].concat())))
+    }
+
+    /// Median distance from a point to the next, in the unit of the points; 0 for fewer than
+    /// two places.
+    #[getter]
+    fn resolution(&self, py: Python<'_>) -> PyResult<f64> {
+        released(py, || search::resolution(self.cloud.points()))
+    }
+
+    /// One point a cube: the mean of the points, and of the normals, in it.
+    ///
+    /// size : side of the cubes, in the unit of the points, above 0. SettingError otherwise
+    fn voxel(&self, py: Python<'_>, size: f64) -> PyResult<Self> {
+        released(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
+    }
+
+    /// Points drawn at random without replacement, in their order.
+    ///
+    /// count : how many, at least 1; the whole cloud where it has no more
+    /// seed : the same seed draws the same points on every machine
+    #[pyo3(signature = (count, seed=0))]
+    fn sample(&self, py: Python<'_>, count: i64, seed: u64) -> PyResult<Self> {
+        let count = self::count("count", count)?;
+        if count == 0 {
+            return Err(exception(Error::config("count", 0, "must be at least 1")));
+        }
+        released(py, || Ok(filter::sample(&self.cloud, count, seed))).map(Self::from)
+    }
+
+    /// The cloud moved by a pose, with its normals and its viewpoint.
+    ///
+    /// transform : (4, 4), rotation times scale, and translation. SettingError where it is no
+    /// such matrix
+    fn transformed(&self, py: Python<'_>, transform: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let transform = pose(transform, "transform")?;
+        released(py, || self.cloud.transformed(&transform)).map(Self::from)
+    }
+
+    /// The cloud as an `open3d.geometry.PointCloud`, normals too. Needs Open3D.
+    fn to_open3d<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        interop(slf.py())?.call_method1("to_open3d", (slf,))
+    }
+
+    /// The cloud as a `trimesh.PointCloud`. Needs trimesh.
+    fn to_trimesh<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        interop(slf.py())?.call_method1("to_trimesh", (slf,))
+    }
+
+    /// The cloud as a `pyvista.PolyData`, normals too. Needs pyvista.
+    fn to_pyvista<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        interop(slf.py())?.call_method1("to_pyvista", (slf,))
+    }
+
+    /// The cloud as a `small_gicp.PointCloud`. Needs small_gicp.
+    fn to_small_gicp<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        interop(slf.py())?.call_method1("to_small_gicp", (slf,))
+    }
+
+    fn __len__(&self) -> usize {
+        self.cloud.len()
+    }
+
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let points = self.points(py)?;
+        let dtype = dtype.map_or_else(|| points.getattr("dtype"), Ok)?;
+        match copy {
+            Some(true) => points.call_method1("astype", (dtype,)),
+            _ => py.import("numpy")?.call_method1("asarray", (points, dtype)),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let cloud = &self.cloud;
+        let mut parts = vec![format!("{} points", cloud.len())];
+        if cloud.dropped() > 0 {
+            parts.push(format!("{} dropped", cloud.dropped()));
+        }
+        if cloud.normals().is_some() {
+            parts.push("normals".into());
+        }
+        if let Some((low, high)) = cloud.bounds() {
+            parts.push(format!("from {} to {}", short(low), short(high)));
+        }
+        parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", short(at))));
+        format!("PointCloud({})", parts.join(", "))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let py = slf.py();
+        let Parts { points, origin, frame_origin, normals, viewpoint, dropped } =
+            slf.get().cloud.parts();
+        let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
+        let points = table(py, 3, points.into_flattened());
+        let state = (points, origin, frame_origin, normals, viewpoint, dropped);
+        (slf.get_type().getattr("_from_parts")?, state).into_pyobject(py)
+    }
+
+    /// A cloud from its pickle.
+    #[staticmethod]
+    fn _from_parts(
+        points: &Bound<'_, PyAny>,
+        origin: Vec3,
+        frame_origin: Vec3,
+        normals: Option<&Bound<'_, PyAny>>,
+        viewpoint: Option<Vec3>,
+        dropped: usize,
+    ) -> PyResult<Self> {
+        let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
+            Table::F32(table) => Ok(table.as_slice()?.as_chunks::<3>().0.to_vec()),
+            Table::F64(_) => Err(exception(Error::config(name, "float64", "is float32"))),
+        };
+        let points = rows(points, "points")?;
+        let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
+        let parts = Parts { points, origin, frame_origin, normals, viewpoint, dropped };
+        Cloud::from_parts(parts).map(Self::from).map_err(exception)
+    }
+}
+
+/// Three numbers, six digits each.
+fn short(at: Vec3) -> String {
+    let digits = |x: f64| {
+        let text = format!("{x:.6}");
+        let text = text.trim_end_matches('0').trim_end_matches('.');
+        if x != 0.0 && text.trim_start_matches('-') == "0" { format!("{x:.3e}") } else { text.into() }
+    };
+    format!("[{}]", at.map(digits).join(", "))
+}
+
+/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one.
+pub(super) enum AnyCloud<'py> {
+    Given(Bound<'py, PyCloud>),
+    Made(Cloud),
+}
+
+/// What becomes of rows that are not finite.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum BadRows {
+    /// They are left out and counted.
+    Drop,
+    /// The first is an error: what belongs to the others would shift.
+    Refuse,
+}
+
+impl<'py> AnyCloud<'py> {
+    /// `name` is what errors call the cloud; `normals` take the place of its own.
+    pub(super) fn read(
+        any: &Bound<'py, PyAny>,
+        name: &str,
+        normals: Option<&Bound<'py, PyAny>>,
+        bad_rows: BadRows,
+    ) -> PyResult<Self> {
+        let py = any.py();
+        if let (Ok(given), None) = (any.cast::<PyCloud>(), normals) {
+            return Ok(AnyCloud::Given(given.clone()));
+        }
+        let (points, own): (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>) =
+            match any.get_type().is(PyUntypedArray::type_object(py)) {
+                true => (any.clone(), None),
+                false => interop(py)?.call_method1("parts", (any, name))?.extract()?,
+            };
+        let points = Table::read(&points, name, Some(3))?;
+        if bad_rows == BadRows::Refuse {
+            points.check_finite(py, name)?;
+        }
+        let Some(normals) = normals.or(own.as_ref()) else {
+            let cloud = match &points {
+                Table::F32(table) => {
+                    let rows = table.as_slice()?.as_chunks().0;
+                    py.detach(|| Cloud::from_f32(rows))
+                }
+                Table::F64(table) => {
+                    let rows = table.as_slice()?.as_chunks().0;
+                    py.detach(|| Cloud::new(rows))
+                }
+            };
+            return cloud.map(AnyCloud::Made).map_err(|error| about(name, error));
+        };
+        let normals = Table::read(&as_array(normals)?, "normals", Some(3))?;
+        let (points, normals) = (points.triples(py)?, normals.triples(py)?);
+        let cloud = py.detach(|| Cloud::with_normals(&points, &normals));
+        let cloud = cloud.map_err(|error| about("normals", error))?;
+        let viewpoint = any.cast::<PyCloud>().ok().and_then(|given| given.get().cloud.viewpoint());
+        let cloud = viewpoint.map_or(Ok(cloud.clone()), |at| cloud.with_viewpoint(at));
+        cloud.map(AnyCloud::Made).map_err(exception)
+    }
+
+    /// The cloud.
+    pub(super) fn get(&self) -> &Cloud {
+        match self {
+            AnyCloud::Given(given) => &given.get().cloud,
+            AnyCloud::Made(cloud) => cloud,
+        }
+    }
+}
+
+/// A (4, 4) matrix, of any kind of number.
+pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
+    let refused = |error: PyErr| {
+        let cause = error.value(any.py()).to_string();
+        ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers: {cause}"))
+    };
+    let matrix = any.extract::<[[f64; 4]; 4]>().map_err(refused)?;
+    Transform::from_matrix(matrix).map_err(|error| about(name, error))
+}
+
+/// Reads a cloud from a file: PLY, PCD, XYZ, TXT or CSV, told apart by content.
+///
+/// Parameters
+/// ----------
+/// path : str or path
+///
+/// Returns
+/// -------
+/// PointCloud, in the unit and frame of the file, with normals and viewpoint if it has them;
+///     other columns are not read
+///
+/// Raises
+/// ------
+/// OSError : the file cannot be read (FileNotFoundError and its kin)
+/// FileFormatError : it is not what it claims to be; names the line or byte
+///
+/// Examples
+/// --------
+/// >>> import cfreg, numpy as np, tempfile, os
+/// >>> path = os.path.join(tempfile.mkdtemp(), "corner.ply")
+/// >>> cfreg.write(path, np.eye(3))
+/// >>> cfreg.read(path)
+/// PointCloud(3 points, from [0, 0, 0] to [1, 1, 1])
+#[pyfunction]
+pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
+    released(py, || io::read(path)).map(PyCloud::from)
+}
+
+/// Writes a cloud to a file; the extension says the format: .ply .pcd .xyz .txt .csv.
+///
+/// Coordinates are written as float, or as double where the cloud lies far from zero, so
+/// that read() gets back every one. A file that was there is replaced once all is written.
+///
+/// Parameters
+/// ----------
+/// path : str or path
+/// cloud : whatever PointCloud takes; normals are written where there are any. Only .pcd
+///     keeps a viewpoint
+///
+/// Raises
+/// ------
+/// SettingError : another extension
+/// OSError : the system refuses; a file that was there before is as it was
+#[pyfunction]
+pub(super) fn write(py: Python<'_>, path: PathBuf, cloud: &Bound<'_, PyAny>) -> PyResult<()> {
+    let cloud = AnyCloud::read(cloud, "cloud", None, BadRows::Drop)?;
+    let cloud = cloud.get();
+    released(py, || io::write(path, cloud))
+}

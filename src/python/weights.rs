@@ -1,0 +1,165 @@
+//! Weights from Python: a name, kernels put together, or a function on tiles.
+
+use std::sync::Mutex;
+
+use numpy::prelude::*;
+use numpy::{PyArray1, PyArray2, dtype};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use super::arrays::table;
+use super::errors::{SettingError, ShapeError, about, exception};
+use crate::error::Result;
+use crate::moments::{FullConnection, Moments};
+use crate::par;
+use crate::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};
+
+/// What weighs connections.
+pub(super) enum Weights {
+    /// A kernel of the catalogue, whose bandwidth is given beside it.
+    Named(WeightScheme),
+    /// Something that needs no bandwidth beside it.
+    Own(OwnWeights),
+}
+
+/// Weights that carry all they need.
+pub(super) enum OwnWeights {
+    Composite(Composite),
+    Function(Function),
+}
+
+impl Weights {
+    /// `"gaussian"`, a kernel of `cfreg.weights`, or any callable; `name` is what errors call
+    /// it.
+    pub(super) fn read(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Self> {
+        if let Ok(text) = any.extract::<String>() {
+            return text.parse().map(Weights::Named).map_err(|error| about(name, error));
+        }
+        if let Some(json) = any.getattr_opt("_json")?
+            && let Some(json) = json.call0()?.extract::<Option<String>>()?
+        {
+            let composite = serde_json::from_str(&json)
+                .map_err(|error| SettingError::new_err(format!("{name} = {json}: {error}")))?;
+            return Ok(Weights::Own(OwnWeights::Composite(composite)));
+        }
+        if any.is_callable() {
+            return Ok(Weights::Own(OwnWeights::Function(Function::new(any.clone().unbind()))));
+        }
+        let class = any.get_type().name()?;
+        let rule = "must be a name, a kernel of cfreg.weights or a function of squared distances";
+        Err(PyTypeError::new_err(format!("{name} {rule}, not {class}")))
+    }
+}
+
+impl OwnWeights {
+    pub(super) fn moments(
+        &self,
+        connection: &FullConnection,
+        normalization: Normalization,
+    ) -> Result<Moments> {
+        match self {
+            OwnWeights::Composite(composite) => {
+                let kernel = composite.resolved(|beta| connection.bandwidth(beta))?;
+                connection.moments(&kernel, normalization)
+            }
+            OwnWeights::Function(function) => connection.moments(function, normalization),
+        }
+    }
+
+    /// The exception that a function of these weights has raised, if one has; else `outcome`.
+    pub(super) fn blamed<T>(&self, outcome: PyResult<T>) -> PyResult<T> {
+        let raised = match self {
+            OwnWeights::Function(function) => {
+                function.raised.lock().ok().and_then(|mut raised| raised.take())
+            }
+            OwnWeights::Composite(_) => None,
+        };
+        raised.map_or(outcome, Err)
+    }
+}
+
+/// A Python function from an array (sources, targets) of squared distances to as many
+/// weights.
+pub(super) struct Function {
+    function: Py<PyAny>,
+    /// The first exception that it raised.
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Function {
+    fn new(function: Py<PyAny>) -> Self {
+        Function { function, raised: Mutex::new(None) }
+    }
+
+    fn call(&self, py: Python<'_>, d2: &mut [f32], width: usize) -> PyResult<()> {
+        let given = table(py, width, d2.to_vec());
+        let found = self.function.call1(py, (&given,))?;
+        let found = py.import("numpy")?.call_method1("ascontiguousarray", (found, dtype::<f32>(py)))?;
+        let (shape, own) = (given.getattr("shape")?, found.getattr("shape")?);
+        if !own.eq(&shape)? {
+            return Err(ShapeError::new_err(format!(
+                "weights: the function returned shape {own}, expected {shape}: return one weight \
+                 for every squared distance"
+            )));
+        }
+        d2.copy_from_slice(found.cast::<PyArray2<f32>>()?.try_readonly()?.as_slice()?);
+        match d2.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
+            None => Ok(()),
+            Some(bad) => Err(SettingError::new_err(format!(
+                "weights: the function returned {bad}: weights must be finite and not negative"
+            ))),
+        }
+    }
+}
+
+impl WeightKernel for Function {
+    fn weight(&self, d2: f32) -> f32 {
+        let mut tile = [d2];
+        self.fill_tile(&mut tile, 1);
+        tile[0]
+    }
+
+    fn takes_tiles(&self) -> bool {
+        true
+    }
+
+    fn fill_tile(&self, d2: &mut [f32], width: usize) {
+        if let Err(error) = Python::attach(|py| self.call(py, d2, width)) {
+            if let Ok(mut raised) = self.raised.lock() {
+                raised.get_or_insert(error);
+            }
+            par::stop();
+        }
+    }
+}
+
+/// Weights (N,) of squared distances (N,) float32, as the connection computes them.
+#[pyfunction]
+pub(super) fn kernel_weights<'py>(
+    py: Python<'py>,
+    kernel: &Bound<'py, PyAny>,
+    squared_distances: &Bound<'py, PyArray1<f32>>,
+) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    let kernel = composite(kernel)?.resolved(Ok).map_err(exception)?;
+    let mut d2 = squared_distances.to_vec()?;
+    py.detach(|| kernel.fill(&mut d2));
+    Ok(PyArray1::from_vec(py, d2))
+}
+
+/// Refuses a kernel that connections cannot be weighed with.
+#[pyfunction]
+pub(super) fn check_kernel(kernel: &Bound<'_, PyAny>) -> PyResult<()> {
+    // What descriptors will tell is within the range.
+    let any = |bandwidth: Bandwidth| match bandwidth {
+        Bandwidth::Fixed(beta) => Ok(beta),
+        Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
+    };
+    composite(kernel)?.resolved(any).map(|_| ()).map_err(exception)
+}
+
+fn composite(kernel: &Bound<'_, PyAny>) -> PyResult<Composite> {
+    match Weights::read(kernel, "kernel")? {
+        Weights::Own(OwnWeights::Composite(composite)) => Ok(composite),
+        _ => Err(PyTypeError::new_err("kernel: must be one of cfreg.weights")),
+    }
+}
