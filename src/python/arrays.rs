@@ -93,11 +93,11 @@ fn own_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArra
 }
 
 /// The array itself, or what stands for one: masked arrays, tensors, data frames.
-pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     if any.get_type().is(PyUntypedArray::type_object(any.py())) {
         return Ok(any.clone());
     }
-    interop(any.py())?.call_method1("array", (any,))
+    interop(any.py())?.call_method1("array", (any, name))
 }
 
 /// The Python side's knowledge of other libraries.
@@ -114,7 +114,7 @@ pub(super) fn descriptors(
     points: usize,
     owner: &str,
 ) -> PyResult<Descriptors> {
-    let (py, array) = (any.py(), as_array(any)?);
+    let (py, array) = (any.py(), as_array(any, name)?);
     let table = Table::read(&array, name, None)?;
     let rows = match &table {
         Table::F32(table) => {

@@ -312,7 +312,10 @@ impl<'py> AnyCloud<'py> {
             };
             return cloud.map(AnyCloud::Made).map_err(|error| about(name, error));
         };
-        let normals = Table::read(&as_array(normals)?, "normals", Some(3))?;
+        let normals = Table::read(&as_array(normals, "normals")?, "normals", Some(3))?;
+        if bad_rows == BadRows::Refuse {
+            normals.check_finite(py, "normals")?;
+        }
         let (points, normals) = (points.triples(py)?, normals.triples(py)?);
         let cloud = py.detach(|| Cloud::with_normals(&points, &normals));
         let cloud = cloud.map_err(|error| about("normals", error))?;

@@ -1,6 +1,5 @@
 //! The crate's errors as exceptions.
 
-use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
 use pyo3::prelude::*;
 
@@ -53,42 +52,40 @@ pyo3::create_exception!(cfreg, FileFormatError, PyValueError, "A file is not wha
 
 /// The exception for `error`, with its message.
 pub(super) fn exception(error: Error) -> PyErr {
-    told(&error, error.to_string()).unwrap_or_else(|| match error {
+    match error {
         // Three arguments make the subclass that belongs to the number: FileNotFoundError.
         Error::Io { path, source } => match source.raw_os_error() {
             Some(number) => PyOSError::new_err((number, source.to_string(), path)),
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
-        error => PyValueError::new_err(error.to_string()),
-    })
+        error => worded(&error, error.to_string()),
+    }
 }
 
 /// The exception for an `error` about the argument of that name.
 pub(super) fn about(argument: &str, error: Error) -> PyErr {
-    let message = match &error {
+    match &error {
         // Settings may have another name in the structs.
-        Error::Config { value, rule, .. } => format!("{argument} = {value}: {rule}"),
-        Error::NonFinite { index, .. } => return non_finite(argument, *index),
-        other => format!("{argument}: {other}"),
-    };
-    told(&error, message).unwrap_or_else(|| exception(error))
+        Error::Config { value, rule, .. } => {
+            worded(&error, format!("{argument} = {value}: {rule}"))
+        }
+        Error::NonFinite { index, .. } => non_finite(argument, *index),
+        other => worded(other, format!("{argument}: {other}")),
+    }
 }
 
-/// The exception of the crate that belongs to `error`.
-fn told(error: &Error, message: String) -> Option<PyErr> {
-    fn of<E: PyTypeInfo>(message: String) -> Option<PyErr> {
-        Some(PyErr::new::<E, _>(message))
-    }
+/// The class that belongs to `error`, with this message.
+fn worded(error: &Error, message: String) -> PyErr {
     match error {
-        Error::TooFewPoints { .. } => of::<TooFewPointsError>(message),
-        Error::NoWeight => of::<NoWeightError>(message),
-        Error::Degenerate { .. } => of::<DegenerateError>(message),
-        Error::NonFinite { .. } => of::<NonFiniteError>(message),
-        Error::Shape { .. } => of::<ShapeError>(message),
-        Error::Config { .. } | Error::Setting { .. } => of::<SettingError>(message),
-        Error::Parse { .. } => of::<FileFormatError>(message),
-        Error::Interrupted => of::<PyKeyboardInterrupt>(message),
-        _ => None,
+        Error::TooFewPoints { .. } => TooFewPointsError::new_err(message),
+        Error::NoWeight => NoWeightError::new_err(message),
+        Error::Degenerate { .. } => DegenerateError::new_err(message),
+        Error::NonFinite { .. } => NonFiniteError::new_err(message),
+        Error::Shape { .. } => ShapeError::new_err(message),
+        Error::Config { .. } | Error::Setting { .. } => SettingError::new_err(message),
+        Error::Parse { .. } => FileFormatError::new_err(message),
+        Error::Interrupted => PyKeyboardInterrupt::new_err(message),
+        _ => PyValueError::new_err(message),
     }
 }
 

@@ -123,7 +123,7 @@ pub(super) fn keypoints<'py>(
     let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
     let cloud = cloud.get();
     let column = |values: &Bound<'py, PyAny>| {
-        let values = as_array(values)?.call_method1("reshape", (-1, 1))?;
+        let values = as_array(values, "values")?.call_method1("reshape", (-1, 1))?;
         table_for(&values, "values", cloud.len(), "points")
     };
     let values = values.map(column).transpose()?;

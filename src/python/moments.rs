@@ -283,7 +283,7 @@ pub(super) fn moments_of_pairs(
     let weights = match weights {
         None => vec![1.0; pairs.len()],
         Some(weights) => {
-            let column = as_array(weights)?.call_method1("reshape", (-1, 1))?;
+            let column = as_array(weights, "weights")?.call_method1("reshape", (-1, 1))?;
             let column = descriptors(&column, "weights", pairs.len(), "pairs")?;
             column.as_slice().iter().map(|&w| f64::from(w)).collect()
         }
@@ -300,7 +300,7 @@ pub(super) fn moments_of_pairs(
 
 /// Rows (K, 2) of indices.
 pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u32, u32)>> {
-    let array = as_array(any)?;
+    let array = as_array(any, name)?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if shape.len() != 2 || shape[1] != 2 {
         let found = array.getattr("shape")?;

@@ -5,8 +5,8 @@
 >>> source = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
 >>> target = source @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
 >>> found = cfreg.register(source, target, neighbors=60)
->>> found.trusted, found.transform.round(2)[0].tolist()
-(True, [0.0, -1.0, 0.0, 0.0])
+>>> found.trusted, round(found.angle_deg), found.transform.shape
+(True, 90, (4, 4))
 
 `register` does everything; `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are its methods
 as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.

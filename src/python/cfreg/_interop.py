@@ -34,20 +34,22 @@ def parts(cloud: Any, name: str) -> tuple[Any, Any]:
     if callable(getattr(cloud, "points", None)):  # small_gicp: homogeneous, and its normals
         return np.asarray(cloud.points())[:, :3], None  # are not defined until estimated
     if isinstance(cloud, np.ndarray) or hasattr(cloud, "__array__"):
-        return array(cloud), getattr(cloud, "normals", None)
+        return array(cloud, name), getattr(cloud, "normals", None)
     raise TypeError(
         f"{name} must be a numpy array (N, 3) of float32 or float64, or a point cloud of cfreg, "
         f"Open3D, trimesh, pyvista or small_gicp, not {type(cloud).__name__}"
     )
 
 
-def array(values: Any) -> Any:
+def array(values: Any, name: str) -> Any:
     """A plain array for what is one in disguise; masked values become NaN."""
     if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "f":
         return values.filled(np.nan)
     if isinstance(values, np.ndarray) or hasattr(values, "__array__"):
         return np.asarray(values)
-    return values  # refused by its type, with the argument's name
+    raise TypeError(
+        f"{name} must be a numpy array, not {type(values).__name__}: convert with numpy.asarray"
+    )
 
 
 def moved(cloud: Any, transform: Any) -> Any:

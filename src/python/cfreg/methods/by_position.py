@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
+from .. import _native
 from .base import Starting
 
 
@@ -58,17 +58,9 @@ class ICP(Starting):
     @classmethod
     def paper(cls, **settings: Any) -> ICP:
         """The paper's settings, as PCL understands them: pairs of at most 0.5."""
-        return cls(
-            **{
-                "max_distance": 0.5,
-                "max_iterations": 1000,
-                "rotation_tolerance": float(np.arccos(1.0 - 1e-9)),
-                "translation_tolerance": float(np.sqrt(1e-9)),
-                "relative_error_tolerance": 0.05,
-                "error_tolerance": 1e-12,
-                **settings,
-            }
-        )
+        papers = json.loads(_native.settings("icp-paper", "{}"))
+        del papers["method"]
+        return cls(**{**papers, **settings})
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

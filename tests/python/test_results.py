@@ -1,0 +1,120 @@
+"""Results: what they tell, and in which forms."""
+
+import json
+import math
+import pickle
+import unittest
+
+import cfreg
+import numpy as np
+from shapes import terrain, turned
+
+
+class Registration(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        source, (target, cls.truth) = terrain(800, seed=1), turned(terrain(800, seed=2))
+        cls.found = cfreg.register(source, target, refine="icp")
+        cls.wrong = cfreg.register(source, np.random.default_rng(0).random((300, 3)))
+
+    def test_the_pose_has_its_parts(self):
+        found = self.found
+        self.assertEqual((found.transform.shape, found.transform.dtype), ((4, 4), np.float64))
+        self.assertFalse(found.transform.flags.writeable)
+        np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-12)
+        self.assertAlmostEqual(found.scale, 1.0, places=12)
+        self.assertAlmostEqual(found.angle_deg, 90.0, delta=1.0)
+        np.testing.assert_array_equal(found.translation, found.transform[:3, 3])
+
+    def test_a_scale_is_part_of_it(self):
+        points = terrain(500)
+        found = cfreg.register(points, 3.0 * points, scale="symmetric", neighbors=60)
+        self.assertAlmostEqual(found.scale, 3.0, places=3)
+        np.testing.assert_allclose(found.rotation, np.eye(3), atol=1e-3)
+        np.testing.assert_allclose(found.apply(points), 3.0 * points, atol=1e-2)
+
+    def test_doubts_have_words_and_numbers(self):
+        self.assertFalse(self.wrong.trusted)
+        doubt = self.wrong.doubts[0]
+        self.assertEqual(doubt.ground, "low-agreement")
+        self.assertIn("beyond chance", str(doubt))
+        self.assertLess(doubt.facts["found"], doubt.facts["needed"])
+
+    def test_it_is_json_and_back(self):
+        for found in (self.found, self.wrong):
+            facts = found.to_dict()
+            self.assertEqual(json.loads(found.to_json()), facts)
+            self.assertEqual(cfreg.Registration(facts), found)
+            facts["config"]["method"] = "other"
+            self.assertEqual(found.config["method"], found.method)
+            self.assertEqual(pickle.loads(pickle.dumps(found)), found)
+        self.assertNotEqual(self.found, self.wrong)
+
+    def test_it_tells_itself(self):
+        self.assertRegex(
+            repr(self.found),
+            r"^Registration\(icp, trusted, turned by 9\d\.\d\d deg, moved by \[.*\], fitness 0\.\d+, "
+            r"agreement 0\.\d+, .* s\)$",
+        )
+        self.assertIn("doubted: low-agreement", repr(self.wrong))
+        self.assertEqual(str(self.wrong).count("\n"), len(self.wrong.doubts))
+
+    def test_notebooks_show_a_table(self):
+        from xml.etree import ElementTree
+
+        for found, verdict in ((self.found, "trusted"), (self.wrong, "not to be trusted")):
+            table = ElementTree.fromstring(found._repr_html_())
+            cells = [cell.text for cell in table.iter("td")]
+            self.assertIn(verdict, cells)
+            self.assertEqual(cells[-16:], [f"{x:.6g}" for x in found.transform.ravel()])
+
+    def test_a_trace_and_a_certificate_where_asked(self):
+        points = terrain(300)
+        self.assertEqual(self.found.trace, [])
+        trace = cfreg.ICP(trace=True).register(points, points + 0.01).trace
+        self.assertEqual([step["iteration"] for step in trace], list(range(1, len(trace) + 1)))
+        sure = cfreg.TEASER(certify=True, neighbors=40).register(points, points)
+        self.assertLess(sure.certificate["gap"], 1.0)
+        self.assertIsNone(self.found.certificate)
+
+
+class Evaluation(unittest.TestCase):
+    def test_it_is_that_of_the_registration(self):
+        source, (target, truth) = terrain(500, seed=1), turned(terrain(500, seed=2))
+        found = cfreg.register(source, target)
+        judged = cfreg.evaluate(source, target, found.transform, truth=truth)
+        for name, value in vars(found.evaluation).items():
+            self.assertEqual(getattr(judged, name), value)
+        e = judged
+        self.assertAlmostEqual(e.agreement, (e.fitness - e.chance) / (1.0 - e.chance))
+        turn = found.rotation @ truth[:3, :3].T
+        self.assertAlmostEqual(judged.truth.rotation_frobenius, np.linalg.norm(np.eye(3) - turn))
+        angle = math.degrees(math.acos((np.trace(turn) - 1.0) / 2.0))
+        self.assertAlmostEqual(judged.truth.rotation_deg, angle, places=4)
+        self.assertLess(judged.truth.translation, 0.2)
+
+    def test_nothing_near_is_no_number(self):
+        far = np.eye(4)
+        far[0, 3] = 1e6
+        points = terrain(50)
+        judged = cfreg.evaluate(points, points, far, max_distance=1.0)
+        self.assertEqual(judged.fitness, 0.0)
+        self.assertTrue(math.isnan(judged.inlier_rmse))
+        self.assertIsNone(judged.truth)
+
+    def test_arguments_are_refused_by_name(self):
+        points = terrain(50)
+        for name, call in {
+            "transform": lambda: cfreg.evaluate(points, points, np.zeros((4, 4))),
+            "truth": lambda: cfreg.evaluate(points, points, np.eye(4), truth=np.eye(3)),
+            "max.distance": lambda: cfreg.evaluate(points, points, np.eye(4), -1.0),
+            "source": lambda: cfreg.evaluate(points[:, :2], points, np.eye(4)),
+        }.items():
+            with self.subTest(name), self.assertRaisesRegex(ValueError, f"^{name}"):
+                call()
+        with self.assertRaisesRegex(cfreg.TooFewPointsError, "the target"):
+            cfreg.evaluate(points, points[:0], np.eye(4))
+
+
+if __name__ == "__main__":
+    unittest.main()
