@@ -170,7 +170,7 @@ def registration(a, b, size, cfreg, beta):
     """From clouds to pose at once, both seen from the origin."""
     result = cfreg.register(a, b, neighbors=ref.NEIGHBORS, beta=beta)
     expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
-    angle, shift, _ = pose_apart(np.asarray(result["transform"]), expected, size)
+    angle, shift, _ = pose_apart(np.asarray(result.transform), expected, size)
     yield "register, rotation, degrees", "cfreg - reference", angle
     yield "register, translation / size", "cfreg - reference", shift
 

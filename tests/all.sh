@@ -20,7 +20,7 @@ else
 fi
 
 step "the reference's environment"
-source python-ref/environment.sh python-ref/requirements-peers.txt
+source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/requirements.txt
 
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)

@@ -41,8 +41,8 @@ def ours_by(method, **settings):
             found = ours.register(pair.source, pair.target, method, **settings)
         except cfreg.RegistrationError:
             return None, [0, 0]
-        counts = [found["points"][side]["described"] for side in ("source", "target")]
-        return found["transform"], counts
+        counts = [found.points[side]["described"] for side in ("source", "target")]
+        return found.transform, counts
 
     return answer
 

@@ -57,7 +57,7 @@ def rows(scope):
         yield from beside_all_points(name, pairs[::3])
     if pcl_features.program("described_points") is None:
         return
-    mine = ours_by("cfk", keypoints={"sift": SIFT})
+    mine = ours_by("cfk", detector={"sift": SIFT})
     yield from compared("cfk", pairs_of, mine, published, judged=not scope.smoke)
 
 
@@ -65,7 +65,7 @@ def beside_all_points(name, pairs):
     """The evidence for the default scales: what each choice of them costs beside CF."""
     cf = answers(pairs, ours_by("cf"))[0]
     for choice in (SIFT, *OTHER_SCALES):
-        errors, points = answers(pairs, ours_by("cfk", keypoints={"sift": choice}))
+        errors, points = answers(pairs, ours_by("cfk", detector={"sift": choice}))
         scales = [choice[key] for key in ("min_scale", "octaves", "scales")]
         what = f"{points:.0f} keypoints of {scales}: median"
         yield table.told("cfk", "cf of all points", name, what, np.median(errors), np.median(cf))

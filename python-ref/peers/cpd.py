@@ -45,7 +45,7 @@ def same_steps(scope, peers):
                 for name, peer in peers.items():
                     settings = {"outliers": w, "max_iterations": steps, "tolerance": 0.0}
                     found = ours.register(pair.source, pair.target, "cpd", scale="umeyama", **settings)
-                    mine, theirs = found["transform"], peer(pair, w, True, steps, 0.0)
+                    mine, theirs = found.transform, peer(pair, w, True, steps, 0.0)
                     label = f"{model} 500, w {w}, {steps} steps"
                     turned = ours.angle(rotation(mine), rotation(theirs))
                     yield difference("cpd", name, label, "rotation, deg", turned, SAME)
@@ -64,7 +64,7 @@ def protocol(scope, peers, kind, large):
 
     def mine(scale):
         found = [ours.register(pair.source, pair.target, "cpd", scale=scale) for pair in pairs]
-        return errors_of([answer["transform"] for answer in found], pairs)
+        return errors_of([answer.transform for answer in found], pairs)
 
     of_ours = {True: mine("umeyama"), False: mine("fixed")}
     variants = {f"{name}, scale": (peer, True) for name, peer in peers.items()}

@@ -60,8 +60,10 @@ def peers():
 
 def ours_from(method, pair):
     bound = BOUND * pair.size()
-    found = ours.register(pair.source, pair.target, method, pair.initial, max_distance=bound)
-    return found["transform"]
+    found = ours.register(
+        pair.source, pair.target, method, initial=pair.initial, max_distance=bound
+    )
+    return found.transform
 
 
 def open3d_from(metric, pair):
@@ -120,9 +122,9 @@ def on_the_papers_protocols(scope):
             pairs = list(protocol("bunny", trials, large))
             where = f"{pairs[0].kind} bunny {'large' if large else 'small'}"
             found = [ours.register(p.source, p.target, "icp-paper") for p in pairs]
-            poses, theirs, iterations = [f["transform"] for f in found], *pcl(program, pairs)
+            poses, theirs, iterations = [f.transform for f in found], *pcl(program, pairs)
             yield from compared("icp-paper", "PCL", where, pairs, poses, theirs, quantity)
-            steps = np.mean([f["iterations"] for f in found]), np.mean(iterations)
+            steps = np.mean([f.iterations for f in found]), np.mean(iterations)
             yield told("icp-paper", "PCL", where, "mean iterations", *steps)
 
 

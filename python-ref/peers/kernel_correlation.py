@@ -21,7 +21,7 @@ def rows(scope):
         pairs = list(kind("bunny", trials, False, points=points))
         # Its mixtures start from a random state that cannot be handed in.
         np.random.seed(0)
-        mine = [ours.register(pair.source, pair.target, "kc")["transform"] for pair in pairs]
+        mine = [ours.register(pair.source, pair.target, "kc").transform for pair in pairs]
         errors = (
             float(np.median([ours.angle(pose, pair.truth) for pose, pair in zip(poses, pairs)]))
             for poses in (mine, map(gmmreg, pairs))

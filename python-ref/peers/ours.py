@@ -3,16 +3,11 @@
 import numpy as np
 
 
-def register(source, target, method, initial=None, **settings):
-    """The crate's registration as a dict, its transform as (4, 4); `initial` is the pose
-    that it starts from."""
+def register(source, target, method, **settings):
+    """The crate's registration; its module is needed from here on only."""
     import cfreg
 
-    initial = np.eye(4) if initial is None else np.asarray(initial)
-    moved = source @ initial[:3, :3].T + initial[:3, 3]
-    found = dict(cfreg.register(moved, target, method=method, **settings))
-    found["transform"] = np.asarray(found["transform"]) @ initial
-    return found
+    return cfreg.register(source, target, method, **settings)
 
 
 def angle(a, b):
