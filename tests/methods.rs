@@ -2,8 +2,10 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math;
-use cfreg::method::{Chain, Method, Register};
+use cfreg::method::{Cf, Cfk, Chain, Method, Register};
+use cfreg::par::Interrupt;
 use cfreg::quality::truth_error;
+use cfreg::weight::{Composite, Gaussian, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform};
 
 /// Two samples of one surface, the second one turned by `angle` radians.
@@ -148,4 +150,70 @@ fn a_chain_refines_what_one_step_found() {
         assert!(found.trusted && last < 1.0 && last < first, "{refinement}: {first} to {last}");
     }
     assert!(Chain::new("cf".parse().unwrap(), vec!["teaser".parse().unwrap()]).is_err());
+}
+
+#[test]
+fn weights_of_ones_own_register_as_those_of_a_name() {
+    let (source, target, _) = pair(500, 0.4);
+    let named = Cf { normalization: Normalization::Both, beta: Some(60.0.into()), ..Cf::default() };
+    let plain = Cf::default();
+    let kernel = Composite::kernel(WeightScheme::Gaussian, 60.0.into());
+    let composed =
+        Composite::Product(vec![kernel, Composite::Sum(vec![]), Composite::Product(vec![])]);
+    let expected = named.register(&source, &target).unwrap();
+    let by_kernel = plain
+        .register_by(&source, &target, |connection| {
+            connection.moments(&Gaussian { beta: 60.0 }, Normalization::Both)
+        })
+        .unwrap();
+    assert_eq!(by_kernel.transform, expected.transform);
+    let Method::Cf(config) = &by_kernel.config else { panic!("{:?}", by_kernel.config) };
+    assert_eq!((config.weights, config.beta, by_kernel.beta), (WeightScheme::Custom, None, None));
+    // A factor 0 in a product leaves nothing.
+    let nothing = plain.register_by(&source, &target, |connection| {
+        let kernel = composed.resolved(|beta| connection.bandwidth(beta))?;
+        connection.moments(&kernel, Normalization::None)
+    });
+    assert!(matches!(nothing, Err(Error::NoWeight)), "{nothing:?}");
+    // What is recorded as custom cannot be run again by its name.
+    assert!(matches!(by_kernel.config.register(&source, &target), Err(Error::Config { .. })));
+
+    let keypoints = Cfk { connection: named, ..Cfk::default() };
+    let by_kernel = Cfk::default()
+        .register_by(&source, &target, |connection| {
+            connection.moments(&Gaussian { beta: 60.0 }, Normalization::Both)
+        })
+        .unwrap();
+    assert_eq!(by_kernel.transform, keypoints.register(&source, &target).unwrap().transform);
+    assert_eq!(by_kernel.method, "cfk");
+}
+
+#[test]
+fn settings_out_of_range_are_refused_before_clouds_are_looked_at() {
+    for (name, setting, value) in [
+        ("cf", "neighbors", 2.into()),
+        ("cf", "beta", (-1).into()),
+        ("cfk", "neighbors", 2.into()),
+        ("teaser", "gnc_factor", 1.into()),
+        ("icp", "keep", 2.into()),
+        ("kc", "factor", 1.into()),
+        ("cpd", "outliers", 1.into()),
+        ("dare", "max_iterations", 0.into()),
+    ] {
+        let method: Method = name.parse().unwrap();
+        method.validate().unwrap();
+        let bad = method.with([(setting, value)]).unwrap();
+        assert!(matches!(bad.validate(), Err(Error::Config { .. })), "{name} {setting}");
+    }
+}
+
+#[test]
+fn every_method_can_be_ended_from_outside() {
+    let (source, target, _) = pair(300, 0.1);
+    for method in methods() {
+        let interrupt = Interrupt::default();
+        interrupt.request();
+        let ended = interrupt.guard(|| method.register(&source, &target));
+        assert!(matches!(ended, Err(Error::Interrupted)), "{}", method.name());
+    }
 }

@@ -48,7 +48,6 @@ impl Interrupt {
         // What `work` held when it was ended is dropped, and seen by nobody.
         let guarded = AssertUnwindSafe(|| {
             let _entered = enter(&Some(self.clone()));
-            checkpoint();
             work()
         });
         catch_unwind(guarded).map_err(|panic| match panic.is::<Stopped>() {

@@ -258,7 +258,11 @@ fn short(at: Vec3) -> String {
     let digits = |x: f64| {
         let text = format!("{x:.6}");
         let text = text.trim_end_matches('0').trim_end_matches('.');
-        if x != 0.0 && text.trim_start_matches('-') == "0" { format!("{x:.3e}") } else { text.into() }
+        if x != 0.0 && text.trim_start_matches('-') == "0" {
+            format!("{x:.3e}")
+        } else {
+            text.into()
+        }
     };
     format!("[{}]", at.map(digits).join(", "))
 }

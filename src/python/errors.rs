@@ -48,7 +48,12 @@ pyo3::create_exception!(
     PyValueError,
     "A setting is out of its range, unknown, or contradicts another."
 );
-pyo3::create_exception!(cfreg, FileFormatError, PyValueError, "A file is not what it claims to be.");
+pyo3::create_exception!(
+    cfreg,
+    FileFormatError,
+    PyValueError,
+    "A file is not what it claims to be."
+);
 
 /// The exception for `error`, with its message.
 pub(super) fn exception(error: Error) -> PyErr {

@@ -136,10 +136,8 @@ pub(super) fn evaluate(
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
     let judgement = released(py, || {
-        let distance = max_distance.map_or_else(
-            || quality::default_distance(source, target, transform.scale),
-            Ok,
-        )?;
+        let distance = max_distance
+            .map_or_else(|| quality::default_distance(source, target, transform.scale), Ok)?;
         Ok(Judgement {
             evaluation: quality::evaluate(source, target, &transform, distance)?,
             truth: truth.map(|truth| quality::truth_error(&transform, &truth, source.centroid())),

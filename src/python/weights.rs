@@ -94,7 +94,8 @@ impl Function {
     fn call(&self, py: Python<'_>, d2: &mut [f32], width: usize) -> PyResult<()> {
         let given = table(py, width, d2.to_vec());
         let found = self.function.call1(py, (&given,))?;
-        let found = py.import("numpy")?.call_method1("ascontiguousarray", (found, dtype::<f32>(py)))?;
+        let found =
+            py.import("numpy")?.call_method1("ascontiguousarray", (found, dtype::<f32>(py)))?;
         let (shape, own) = (given.getattr("shape")?, found.getattr("shape")?);
         if !own.eq(&shape)? {
             return Err(ShapeError::new_err(format!(
