@@ -43,18 +43,12 @@ use crate::{filter, io, search};
 /// PointCloud(2 points, 1 dropped, from [0, 0, 0] to [1, 0, 0])
 /// >>> cloud.points.shape, cloud.points.flags.writeable
 /// ((2, 3), False)
-#[pyclass(frozen, module = "cfreg", name = "PointCloud", eq)]
+#[pyclass(frozen, module = "cfreg", name = "PointCloud")]
 pub(super) struct PyCloud {
     cloud: Cloud,
     /// What `points` and `normals` return, made when first asked for.
     points: PyOnceLock<Py<PyAny>>,
     normals: PyOnceLock<Py<PyAny>>,
-}
-
-impl PartialEq for PyCloud {
-    fn eq(&self, other: &Self) -> bool {
-        self.cloud == other.cloud
-    }
 }
 
 impl From<Cloud> for PyCloud {
@@ -68,13 +62,17 @@ impl PyCloud {
     #[new]
     #[pyo3(signature = (points, normals=None, viewpoint=None))]
     fn new(
+        py: Python<'_>,
         points: &Bound<'_, PyAny>,
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
     ) -> PyResult<Self> {
         let cloud = match AnyCloud::read(points, "points", normals, BadRows::Drop)? {
             AnyCloud::Made(cloud) => cloud,
-            AnyCloud::Given(given) => given.get().cloud.clone(),
+            AnyCloud::Given(given) => {
+                let given = given.get();
+                py.detach(|| given.cloud.clone())
+            }
         };
         let cloud = match viewpoint {
             Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
@@ -127,7 +125,7 @@ impl PyCloud {
     /// Lowest and highest corner, two rows of three; None where the cloud is empty.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let (low, high) = self.cloud.bounds()?;
+        let (low, high) = py.detach(|| self.cloud.bounds())?;
         Some(read_only(table(py, 3, [low, high].concat())))
     }
 
@@ -206,7 +204,13 @@ impl PyCloud {
         }
     }
 
-    fn __repr__(&self) -> String {
+    fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> bool {
+        let Ok(other) = other.cast::<Self>() else { return false };
+        let other = other.get();
+        py.detach(|| self.cloud == other.cloud)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
         let cloud = &self.cloud;
         let mut parts = vec![format!("{} points", cloud.len())];
         if cloud.dropped() > 0 {
@@ -215,7 +219,7 @@ impl PyCloud {
         if cloud.normals().is_some() {
             parts.push("normals".into());
         }
-        if let Some((low, high)) = cloud.bounds() {
+        if let Some((low, high)) = py.detach(|| cloud.bounds()) {
             parts.push(format!("from {} to {}", short(low), short(high)));
         }
         parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", short(at))));
@@ -224,8 +228,9 @@ impl PyCloud {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
+        let this = slf.get();
         let Parts { points, origin, frame_origin, normals, viewpoint, dropped } =
-            slf.get().cloud.parts();
+            py.detach(|| this.cloud.parts());
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
         let state = (points, origin, frame_origin, normals, viewpoint, dropped);
@@ -235,6 +240,7 @@ impl PyCloud {
     /// A cloud from its pickle.
     #[staticmethod]
     fn _from_parts(
+        py: Python<'_>,
         points: &Bound<'_, PyAny>,
         origin: Vec3,
         frame_origin: Vec3,
@@ -243,13 +249,16 @@ impl PyCloud {
         dropped: usize,
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
-            Table::F32(table) => Ok(table.as_slice()?.as_chunks::<3>().0.to_vec()),
+            Table::F32(table) => {
+                let rows = table.as_slice()?.as_chunks::<3>().0;
+                Ok(py.detach(|| rows.to_vec()))
+            }
             Table::F64(_) => Err(exception(Error::config(name, "float64", "is float32"))),
         };
         let points = rows(points, "points")?;
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
         let parts = Parts { points, origin, frame_origin, normals, viewpoint, dropped };
-        Cloud::from_parts(parts).map(Self::from).map_err(exception)
+        py.detach(|| Cloud::from_parts(parts)).map(Self::from).map_err(exception)
     }
 }
 

@@ -280,22 +280,22 @@ pub(super) fn moments_of_pairs(
     let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;
     let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
     let pairs = index_pairs(pairs, "pairs")?;
-    let weights = match weights {
-        None => vec![1.0; pairs.len()],
-        Some(weights) => {
-            let column = as_array(weights, "weights")?.call_method1("reshape", (-1, 1))?;
-            let column = descriptors(&column, "weights", pairs.len(), "pairs")?;
-            column.as_slice().iter().map(|&w| f64::from(w)).collect()
-        }
+    let column = |weights: &Bound<'_, PyAny>| {
+        let column = as_array(weights, "weights")?.call_method1("reshape", (-1, 1))?;
+        descriptors(&column, "weights", pairs.len(), "pairs")
     };
-    if let Some(bad) = weights.iter().find(|&&w| w < 0.0) {
-        let error = Error::config("weights", bad, "must not be negative");
-        return Err(exception(error));
-    }
-    let weigh = |(&(source, target), &weight)| WeightedPair { source, target, weight };
-    let pairs: Vec<WeightedPair> = pairs.iter().zip(&weights).map(weigh).collect();
+    let weights = weights.map(column).transpose()?;
     let (source, target) = (source.get(), target.get());
-    released(py, || of_pairs(source, target, &pairs)).map(Moments)
+    let sums = released(py, || {
+        let weight = |at| weights.as_ref().map_or(1.0, |w| f64::from(w.as_slice()[at]));
+        let weighed = |(at, &(source, target))| WeightedPair { source, target, weight: weight(at) };
+        let pairs: Vec<WeightedPair> = pairs.iter().enumerate().map(weighed).collect();
+        match pairs.iter().find(|pair| pair.weight < 0.0) {
+            Some(bad) => Err(Error::config("weights", bad.weight, "must not be negative")),
+            None => of_pairs(source, target, &pairs),
+        }
+    });
+    sums.map(Moments)
 }
 
 /// Rows (K, 2) of indices.

@@ -1,16 +1,20 @@
 """The package as a whole: examples in docstrings, types, what importing costs."""
 
+import contextlib
 import dataclasses
 import doctest
 import importlib.util
 import inspect
+import io
 import subprocess
 import sys
 import unittest
 from pathlib import Path
 
 import cfreg
+import numpy as np
 from cfreg import _native, methods, results, weights
+from shapes import terrain, turned
 
 HERE = Path(cfreg.__file__).parent
 
@@ -37,6 +41,18 @@ class Documentation(unittest.TestCase):
                 examples += runner.run(test).attempted
         self.assertEqual(runner.summarize().failed, 0)
         self.assertGreater(examples, 50)
+
+    def test_the_readmes_example_runs(self):
+        readme = Path(__file__).resolve().parents[2] / "README.md"
+        example = readme.read_text().split("## Python\n")[1].split("```python\n")[1].split("```")[0]
+        target, matrix = turned(terrain(700))
+        names = {"source": terrain(700, seed=1), "target": target}
+        with contextlib.redirect_stdout(io.StringIO()) as shown:
+            exec(example, names)
+        self.assertIn("trusted", shown.getvalue())
+        for pose in (names["found"].transform, names["pose"]):
+            self.assertLess(np.linalg.norm(pose - matrix), 0.5)
+        self.assertEqual(names["aligned"].shape, (700, 3))
 
     def test_everything_public_is_documented(self):
         for name, thing in documented():
