@@ -29,7 +29,7 @@ pub(super) fn write<R: Serialize>(path: &Path, maker: &impl Serialize, rows: &[R
 pub(super) fn read<R: DeserializeOwned>(path: &Path, maker: &impl Serialize) -> Option<Vec<R>> {
     let text = std::fs::read_to_string(path).ok()?;
     let (first, body) = text.split_once('\n')?;
-    if first != first_line(maker) {
+    if without_new_settings(first) != first_line(maker) {
         return None;
     }
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(body.as_bytes());
@@ -39,7 +39,14 @@ pub(super) fn read<R: DeserializeOwned>(path: &Path, maker: &impl Serialize) -> 
 
 fn first_line(maker: &impl Serialize) -> String {
     // Plain structs of numbers and words: JSON has them all.
-    format!("# {}", serde_json::to_string(maker).unwrap_or_default())
+    let maker = serde_json::to_string(maker).unwrap_or_default();
+    format!("# {}", without_new_settings(&maker))
+}
+
+/// The full connection's `tolerance` came after results had been kept: at 0 it changes no
+/// bit of them, so it is not named in their first line.
+fn without_new_settings(maker: &str) -> String {
+    maker.replace("\"tolerance\":0.0,", "")
 }
 
 fn last_line(rows: usize) -> String {
@@ -71,5 +78,21 @@ mod tests {
             std::fs::write(&path, &text[..end]).unwrap();
             assert_eq!(read::<Row>(&path, &"maker"), None, "{end}");
         }
+    }
+
+    #[test]
+    fn what_was_kept_before_a_setting_was_there_is_read() {
+        #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        struct Row {
+            number: u32,
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.csv");
+        let maker = |tolerance| crate::method::Cf { tolerance, ..Default::default() };
+        write(&path, &maker(0.0), &[Row { number: 1 }]).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(!text.contains("tolerance"), "{text}");
+        assert_eq!(read(&path, &maker(0.0)), Some(vec![Row { number: 1 }]));
+        assert_eq!(read::<Row>(&path, &maker(1e-3)), None);
     }
 }

@@ -9,7 +9,7 @@ use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
-use crate::moments::FullConnection;
+use crate::moments::{FullConnection, check_tolerance};
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
@@ -51,6 +51,12 @@ pub struct Cf {
     /// Normalisation of the full connection; default the paper's none. `both` helps under
     /// partial overlap and repeated structure, at three times the cost.
     pub normalization: Normalization,
+    /// Largest share of the weight that may be left out to save time, at least 0 and below 1;
+    /// default 0, every connection weighed. Only what provably weighs that little is left out
+    /// ([`FullConnection::scheme_moments_within`] has the promise), and only from 5·10⁷
+    /// connections on: two clouds of 7,100 points. Set 1e-3 for clouds that large: the
+    /// rotation moves by some 1e-5 degrees.
+    pub tolerance: f64,
     /// Closed form; all give the same answer.
     pub solver: Solver,
     /// Whether the clouds may differ in scale; default no.
@@ -114,13 +120,19 @@ impl Cf {
         named: Method,
     ) -> Result<Registration> {
         self.bandwidth().validate()?;
+        check_tolerance(self.tolerance)?;
         let mut times = Timings::default();
         let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
         let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
         let (connection, beta, moments) = times.time("moments", || {
             let connection = FullConnection::new(source_side.described(), target_side.described())?;
             let beta = connection.bandwidth(self.bandwidth())?;
-            let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
+            let moments = connection.scheme_moments_within(
+                self.weights,
+                beta,
+                self.normalization,
+                self.tolerance,
+            )?;
             Ok::<_, crate::Error>((connection, beta, moments))
         })?;
         let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
