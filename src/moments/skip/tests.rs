@@ -95,10 +95,10 @@ impl Shape {
     }
 }
 
-/// Sizes around those of a group (8), a block (32) and a tile (480); descriptors in one
+/// Sizes around those of a group (8), a block (64) and a tile (480); descriptors in one
 /// heap, in clusters, and spread out until few have a near one.
 fn shape() -> impl Strategy<Value = Shape> {
-    let size = || select(vec![1, 2, 7, 8, 9, 31, 33, 100, 479, 481, 700]);
+    let size = || select(vec![1, 2, 7, 8, 9, 63, 65, 100, 479, 481, 700]);
     let dim = select(vec![1, 3, 7, 8, 33, 99]);
     let form = (select(vec![1, 5, 40]), select(vec![0, 10, 100]), select(vec![0, 1, 5]));
     ([size(), size()], dim, form, any::<u64>()).prop_map(
@@ -180,7 +180,13 @@ proptest! {
                 let weight = |d2: f64| f64::from(scheme.weight(beta, d2 as f32).unwrap());
                 let exact = naive::moments(source, target, weight, normalization);
                 let off = differ_by(&exact, &found);
-                prop_assert!(off <= tolerance + ROUNDING, "{what}, exact: {off:e}");
+                // Sinkhorn-Knopp brings weights to light that f32 holds badly, next to where
+                // they vanish: there the dense pass is off as well.
+                let dense_off = differ_by(&exact, &dense);
+                let hard = matches!(normalization, Normalization::Sinkhorn(_));
+                prop_assert!(hard || dense_off <= ROUNDING, "{what}, dense: {dense_off:e}");
+                let allowed = tolerance + dense_off + ROUNDING;
+                prop_assert!(off <= allowed, "{what}, exact: {off:e}, dense {dense_off:e}");
                 if normalization == Normalization::None {
                     let left_out = exact.weight - found.weight;
                     prop_assert!(left_out >= -ROUNDING * exact.weight, "{what}: {left_out:e}");
