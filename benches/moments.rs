@@ -105,7 +105,7 @@ fn skipping(n: usize) {
         let times = [0.0, 1e-3, 1e-6].map(|tolerance| {
             let off = (moments(tolerance).weight / dense.weight - 1.0).abs();
             assert!(off <= tolerance + 1e-6, "{normalization} {tolerance:e}: {off:e}");
-            let time = || shortest(3, || drop(black_box(moments(tolerance))));
+            let time = || shortest(3, || _ = black_box(moments(tolerance)));
             par::with_threads(1, time).unwrap()
         });
         let ratio = |k: usize| times[0].as_secs_f64() / times[k].as_secs_f64();
