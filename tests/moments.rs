@@ -207,3 +207,28 @@ fn a_point_finds_itself_among_many() {
         assert!(error < tolerance, "{scheme} {normalization}: {error:e}");
     }
 }
+
+#[test]
+fn a_tolerance_is_kept_and_used_where_it_pays() {
+    // Above the 5·10⁷ connections below which nothing is left out.
+    for dim in [3, 33] {
+        let [source, target] =
+            [(7_300, 1), (6_900, 2)].map(|(n, seed)| Side::random(n, dim, 0.0, seed));
+        let (connection, beta) = (connect(&[source, target]), dim as f64 / 6.0);
+        for normalization in [Normalization::None, Normalization::Source, Normalization::Both] {
+            let moments = |tolerance| {
+                let scheme = WeightScheme::Gaussian;
+                connection.scheme_moments_within(scheme, beta, normalization, tolerance).unwrap()
+            };
+            let dense =
+                connection.scheme_moments(WeightScheme::Gaussian, beta, normalization).unwrap();
+            assert_eq!(moments(0.0), dense);
+            let within = moments(1e-2);
+            let off = (within.weight / dense.weight - 1.0).abs();
+            assert!(off <= 1e-2 + 2e-6, "{dim} {normalization}: {off:e}");
+            assert_ne!(within, dense, "{dim} {normalization}");
+            let two = par::with_threads(2, || moments(1e-2)).unwrap();
+            assert_eq!(within, two, "{dim} {normalization}");
+        }
+    }
+}

@@ -8,6 +8,7 @@ use cfreg::method::{Cf, Describe, Register, Registration, Scale};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, quality};
+use common::compare;
 use proptest::prelude::*;
 
 fn cf() -> Cf {
@@ -311,4 +312,20 @@ fn a_real_scan_gives_the_papers_accuracy_and_three_scales_a_third_of_the_error()
     // Table II, bunny, large rotation: 0.18 ± 0.14.
     assert!(paper < 0.18 + 0.14, "{paper}");
     assert!(three < paper / 3.0, "{three} {paper}");
+}
+
+#[test]
+fn a_tolerance_moves_the_answer_by_less_than_itself() {
+    // Above the 5·10⁷ connections below which nothing is left out.
+    let (source, target) = pair(3, 7_100);
+    let dense = cf().register(&source, &target).unwrap();
+    let tolerant = Cf { tolerance: 1e-3, ..cf() }.register(&source, &target).unwrap();
+    assert_ne!(dense.moments, tolerant.moments);
+    assert!(compare::poses_differ_by(&dense.transform, &tolerant.transform) < 1e-3);
+    let config = serde_json::to_value(&tolerant.config).unwrap();
+    assert_eq!(config["tolerance"], 1e-3);
+    for tolerance in [-1e-9, 1.0, f64::NAN] {
+        let refused = Cf { tolerance, ..cf() }.register(&source, &target);
+        assert!(matches!(refused, Err(Error::Config { field: "tolerance", .. })));
+    }
 }

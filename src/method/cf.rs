@@ -9,7 +9,7 @@ use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
-use crate::moments::{FullConnection, Moments};
+use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
@@ -51,6 +51,13 @@ pub struct Cf {
     /// Normalisation of the full connection; default the paper's none. `both` helps under
     /// partial overlap and repeated structure, at three times the cost.
     pub normalization: Normalization,
+    /// Largest share of the weight that may be left out to save time, at least 0 and below 1;
+    /// default 0, every connection weighed. Only what provably weighs that little is left out
+    /// ([`FullConnection::scheme_moments_within`] has the promise), and only from 5·10⁷
+    /// connections on: two clouds of 7,100 points. Set 1e-3 for clouds that large: half the
+    /// time at 30,000 points, a quarter at 100,000 (Stanford dragon), the rotation within 1e-4
+    /// degrees. Of no use with kernels of heavy tails as `cauchy`.
+    pub tolerance: f64,
     /// Closed form; all give the same answer.
     pub solver: Solver,
     /// Whether the clouds may differ in scale; default no.
@@ -107,15 +114,16 @@ impl Cf {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// Those of [`Describe::validate`] and [`Bandwidth::validate`].
+    /// Those of [`Describe::validate`], [`Bandwidth::validate`] and [`check_tolerance`].
     pub fn validate(&self) -> Result<()> {
         self.describe.validate()?;
+        check_tolerance(self.tolerance)?;
         self.bandwidth().validate()
     }
 
     /// Registers with weights of one's own: `weigh` makes the moments of the full connection,
-    /// in place of [`weights`](Self::weights), [`beta`](Self::beta) and
-    /// [`normalization`](Self::normalization).
+    /// in place of [`weights`](Self::weights), [`beta`](Self::beta),
+    /// [`normalization`](Self::normalization) and [`tolerance`](Self::tolerance).
     ///
     /// The configuration that the result carries says `custom` for the weights.
     ///
@@ -147,14 +155,15 @@ impl Cf {
 
     /// The settings with weights that have no name.
     pub(super) fn custom(&self) -> Cf {
-        let normalization = Normalization::None;
-        Cf { weights: WeightScheme::Custom, beta: None, normalization, ..self.clone() }
+        let (weights, normalization) = (WeightScheme::Custom, Normalization::None);
+        Cf { weights, beta: None, normalization, tolerance: 0.0, ..self.clone() }
     }
 
     /// Moments by the configured weights, and the bandwidth that they had.
     pub(super) fn weigh(&self, connection: &FullConnection) -> Result<(Moments, Option<f64>)> {
         let beta = connection.bandwidth(self.bandwidth())?;
-        let moments = connection.scheme_moments(self.weights, beta, self.normalization)?;
+        let Cf { weights, normalization, tolerance, .. } = *self;
+        let moments = connection.scheme_moments_within(weights, beta, normalization, tolerance)?;
         Ok((moments, Some(beta)))
     }
 

@@ -14,9 +14,10 @@ mod connection;
 pub mod naive;
 mod pairs;
 mod reduce;
+mod skip;
 mod sums;
 mod tile;
 
-pub use connection::{Described, FullConnection};
+pub use connection::{Described, FullConnection, check_tolerance};
 pub use pairs::{WeightedPair, of_pairs};
 pub use sums::{Centered, Moments};

@@ -16,11 +16,20 @@ const SUMS: usize = 6;
 const LIFT: f32 = (1u32 << 30) as f32;
 
 /// Target positions about their origin, one array a coordinate.
+#[derive(Default)]
 pub(super) struct Targets {
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
     pub(super) z: Vec<f32>,
     pub(super) squares: Vec<f32>,
+}
+
+impl Targets {
+    pub(super) fn new(points: &[[f32; 3]]) -> Self {
+        let axis = |a: usize| points.iter().map(|p| p[a]).collect();
+        let square = |p: &[f32; 3]| p.iter().map(|x| x * x).sum();
+        Targets { x: axis(0), y: axis(1), z: axis(2), squares: points.iter().map(square).collect() }
+    }
 }
 
 /// Sums over targets for each source of a block: the rows of W Q̃.

@@ -19,7 +19,7 @@ use crate::weight::WeightKernel;
 /// Sources a block: one task of the parallel loop, one column each in a tile.
 pub(super) const SOURCES: usize = 64;
 /// Targets a tile. A tile of 64 × 512 f32 (128 KiB) stays in a core's second-level cache.
-pub(super) const TARGETS: usize = 512;
+const TARGETS: usize = 512;
 /// Dimension from which distances are computed by matrix product.
 const PRODUCT_FROM: usize = 8;
 
@@ -32,9 +32,10 @@ pub(super) struct Rows {
 
 /// Descriptors about the same mean, in tiles of [`TARGETS`], each dimension after the
 /// other: the side that is streamed.
+#[derive(Default)]
 pub(super) struct Panels {
-    values: Vec<f32>,
-    norms: Vec<f32>,
+    pub(super) values: Vec<f32>,
+    pub(super) norms: Vec<f32>,
 }
 
 /// Mean of the rows of both sides, in f64.
@@ -71,19 +72,42 @@ impl Rows {
         self.norms.len()
     }
 
+    pub(super) fn dim(&self) -> usize {
+        self.dim
+    }
+
+    pub(super) fn row(&self, i: usize) -> &[f32] {
+        &self.values[i * self.dim..][..self.dim]
+    }
+
+    /// The rows named by `indices`, in that order.
+    pub(super) fn select(&self, indices: &[u32]) -> Rows {
+        let rows = indices.iter().map(|&i| i as usize);
+        Rows {
+            dim: self.dim,
+            values: rows.clone().flat_map(|i| self.row(i)).copied().collect(),
+            norms: rows.map(|i| self.norms[i]).collect(),
+        }
+    }
+
     /// Squared norm of each row about the mean of both sides.
     pub(super) fn norms(&self) -> &[f32] {
         &self.norms
     }
 
     pub(super) fn panels(&self) -> Panels {
+        Panels { values: self.transposed(TARGETS), norms: self.norms.clone() }
+    }
+
+    /// The values in pieces of `width` rows, in each one dimension after the other.
+    pub(super) fn transposed(&self, width: usize) -> Vec<f32> {
         let mut values = Vec::with_capacity(self.values.len());
-        for tile in self.values.chunks(TARGETS * self.dim) {
+        for piece in self.values.chunks(width * self.dim) {
             for d in 0..self.dim {
-                values.extend(tile[d..].iter().step_by(self.dim));
+                values.extend(piece[d..].iter().step_by(self.dim));
             }
         }
-        Panels { values, norms: self.norms.clone() }
+        values
     }
 }
 

@@ -212,7 +212,7 @@ pub(super) fn moments(
             par::with_threads(threads, || {
                 let connection = connection()?;
                 let beta = connection.bandwidth(beta)?;
-                connection.scheme_moments(*scheme, beta, normalize)
+                connection.scheme_moments_within(*scheme, beta, normalize, tolerance)
             })?
         }),
         Weights::Own(own) => own.blamed(released(py, || {

@@ -74,12 +74,11 @@ class CF(Describing):
 
     def _given(self) -> dict[str, Any]:
         given = super()._given()
-        if not self.tolerance: given.pop("tolerance")  # TODO
         if not isinstance(self.weights, str):
             for name in ("beta",) if not self._own_weights() else ("beta", "tolerance"):
-                if given.get(name):
+                if given[name]:
                     rule = "only for weights that are a name; these have their own"
-                    raise _native.SettingError(f"{name} = {given.get(name)}: {rule}")
+                    raise _native.SettingError(f"{name} = {given[name]}: {rule}")
         if isinstance(self.weights, _Catalogued):
             spec = self.weights._spec()
             given["weights"], given["beta"] = spec["kernel"], spec["beta"]

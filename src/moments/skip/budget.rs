@@ -1,0 +1,121 @@
+//! What a block of rows may leave out.
+
+use pulp::{Simd, WithSimd};
+
+use super::super::tile::Scaling;
+use super::compact::{Compact, GROUP};
+use super::gathered;
+use super::{FIRST, SLACK};
+use crate::weight::WeightKernel;
+
+/// Positive f32 in order, four levels a power of two: their sign bit is 0, and the ten bits
+/// after it grow with them.
+const LEVELS: usize = 1 << 10;
+
+fn level(bound: f32) -> usize {
+    (bound.to_bits() >> 21) as usize
+}
+
+/// Upper bounds of the weights of groups of columns in any row of a block, row factors apart.
+pub(super) struct Budget {
+    /// Of single columns.
+    bounds: Vec<f32>,
+    /// Of every group, the sum over its columns.
+    groups: Vec<f32>,
+    /// Number and sum of the groups of each level.
+    levels: Vec<(usize, f64)>,
+    listed: Vec<u32>,
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        let levels = vec![(0, 0.0); LEVELS];
+        Budget { bounds: Vec::new(), groups: Vec::new(), levels, listed: Vec::new() }
+    }
+}
+
+impl Budget {
+    /// Bounds the weights of `columns` in a block of `rows`.
+    pub(super) fn bound<K: WeightKernel>(
+        &mut self,
+        kernel: &K,
+        rows: &Compact,
+        block: usize,
+        columns: &Compact,
+        scaling: Scaling<'_>,
+    ) {
+        let Budget { bounds, groups, levels, .. } = self;
+        columns.distances_from(rows, block, bounds);
+        let factors = scaling.columns();
+        let squared = matches!(scaling, Scaling::Dual(..));
+        pulp::Arch::new().dispatch(Weigh { kernel, bounds, factors, squared });
+        groups.clear();
+        groups.extend(bounds.chunks(GROUP).map(|group| group.iter().sum::<f32>()));
+        levels.fill((0, 0.0));
+        for &bound in groups.iter() {
+            let (count, sum) = &mut levels[level(bound)];
+            *count += 1;
+            *sum += f64::from(bound);
+        }
+    }
+
+    /// Lets `weigh` weigh the groups of the largest bounds, then those without which the
+    /// bounds left out would sum to more than `share` of the weight that it reports, for a
+    /// row of factor 1. Returns how many columns were weighed.
+    ///
+    /// What it reports grows with what it has weighed, so the promise holds at the end too.
+    pub(super) fn spend(&mut self, share: f64, mut weigh: impl FnMut(&[u32]) -> f64) -> u64 {
+        let enough = self.groups.len().div_ceil(FIRST);
+        let (mut first, mut count) = (LEVELS, 0);
+        while count < enough {
+            first -= 1;
+            count += self.levels[first].0;
+        }
+        let mut columns = self.list(first, LEVELS);
+        let allowed = share * weigh(&self.listed);
+        let (mut last, mut left_out) = (0, 0.0);
+        while last < first && left_out + self.levels[last].1 <= allowed {
+            left_out += self.levels[last].1;
+            last += 1;
+        }
+        if last < first {
+            columns += self.list(last, first);
+            weigh(&self.listed);
+        }
+        columns as u64
+    }
+
+    /// Lists the groups of the levels `from..to` in order; returns how many columns they have.
+    fn list(&mut self, from: usize, to: usize) -> usize {
+        let groups = self.groups.iter().enumerate();
+        let within = groups.filter(|&(_, &bound)| (from..to).contains(&level(bound)));
+        self.listed.clear();
+        self.listed.extend(within.map(|(group, _)| group as u32));
+        let columns = |&group: &u32| gathered::columns(group, self.bounds.len()).len();
+        self.listed.iter().map(columns).sum()
+    }
+}
+
+struct Weigh<'a, K> {
+    kernel: &'a K,
+    bounds: &'a mut [f32],
+    factors: Option<&'a [f32]>,
+    squared: bool,
+}
+
+impl<K: WeightKernel> WithSimd for Weigh<'_, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Weigh { kernel, bounds, factors, squared } = self;
+        kernel.fill(bounds);
+        match factors {
+            None => bounds.iter_mut().for_each(|w| *w *= SLACK),
+            Some(factors) if squared => {
+                bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= (*w * v) * SLACK);
+            }
+            Some(factors) => bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= v * SLACK),
+        }
+    }
+}

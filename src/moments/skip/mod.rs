@@ -1,0 +1,215 @@
+//! Moments within a stated tolerance: connections whose weights provably do not matter are
+//! left out.
+//!
+//! # The promise
+//! With w the normalised weights of all N·M connections as the dense pass computes them,
+//! and w̃ those of the result (0 where left out): Σ|w̃ − w| ≤ ε Σw. Hence every moment Σw f
+//! is off by at most ε Σw max|f|: the weight by ε Σw, Σw p̃ by ε Σw max|p̃|, the cross moment
+//! by ε Σw max|p̃| max|q̃|, and so on. Rounding is apart, as that of the dense pass is.
+//!
+//! # Why it holds
+//! Kernels of the catalogue never grow with d², so a lower bound of the distance of a target
+//! from a block of sources ([`Compact::distances_from`]) bounds all its weights in that
+//! block. In each block the targets of the largest bounds are weighed first, then as many as
+//! are needed until the bounds of the rest sum to at most a share of what has been weighed,
+//! which is at most that share of all there is ([`Budget`]). Blocks add up.
+//!
+//! Row and column sums keep the promise row by row: a sum r̃ of what is kept has
+//! (1 − η) r ≤ r̃ ≤ r. Factors made of them are off by a factor of κ = (1 − η)⁻ᵖ at most, p = 1
+//! for `source` and `target`, 2 for `both`. A half-round of Sinkhorn-Knopp hands on the
+//! relative error of the factors that it reads and adds one (1 − η): after n rounds either
+//! factor is within (1 − η)^±n, so p = 2n. With η such that κ = 1 + ε/4, and ε/2 for the
+//! last pass, Σ|w̃ − w| ≤ (κ − 1) Σw + ε/2 · κ Σw ≤ (1/4 + 5/8) ε Σw.
+
+mod budget;
+mod compact;
+mod gathered;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use super::connection::{Side, inverted};
+use super::reduce::{MomentSums, RowSums};
+use super::sums::Moments;
+use super::tile::{Scaling, weigh_block};
+use crate::par;
+use crate::weight::{Normalization, WeightKernel};
+use budget::Budget;
+use compact::{Axes, BLOCK, Compact};
+use gathered::{Gathered, WIDEST};
+
+/// Fewest connections for which leaving out pays; below, the dense pass is as fast. By the
+/// product of the sizes alone.
+pub(super) const WORTH: u64 = 50_000_000;
+
+/// Part of the columns that each block weighs before it decides about the rest.
+const FIRST: usize = 16;
+
+/// Makes up for what f32 loses between a bound and the weights under it: kernels grow by
+/// 1e-6 of themselves in places, factors and sums round.
+const SLACK: f32 = 1.0 + 1.6e-5;
+
+/// Moments within `tolerance` in (0, 1), and how many weights were computed for them, sums
+/// of rows and columns included. `kernel` must never grow with d².
+pub(super) fn moments<K: WeightKernel>(
+    source: &Side,
+    target: &Side,
+    kernel: &K,
+    normalization: Normalization,
+    tolerance: f64,
+) -> (Moments, u64) {
+    let axes = Axes::of(&source.rows, &target.rows);
+    let compact = |side| Compact::new(side, &axes);
+    let (rows, columns) = (compact(source), compact(target));
+    let (there, back) = (
+        Pass { rows: &rows, columns: &columns, kernel },
+        Pass { rows: &columns, columns: &rows, kernel },
+    );
+    let start = Moments::about(source.origin, target.origin);
+    let mut weighed = 0;
+    let mut sums = |pass: &Pass<'_, K>, scaling: Scaling<'_>, powers| {
+        let (sums, count) = pass.sums(scaling, row_share(tolerance, powers));
+        weighed += count;
+        sums
+    };
+    let last = tolerance / 2.0;
+    let (moments, count) = match normalization {
+        Normalization::None => there.moments(Scaling::None, tolerance, start),
+        Normalization::Source => {
+            let u = inverted(&sums(&there, Scaling::None, 1), 1.0);
+            there.moments(Scaling::Source(&u), last, start)
+        }
+        Normalization::Target => {
+            let v = inverted(&sums(&back, Scaling::None, 1), 1.0);
+            there.moments(Scaling::Target(&v), last, start)
+        }
+        Normalization::Both => {
+            let u = inverted(&sums(&there, Scaling::None, 2), 1.0);
+            let v = inverted(&sums(&back, Scaling::None, 2), 1.0);
+            there.moments(Scaling::Dual(&u, &v), last, start)
+        }
+        Normalization::Sinkhorn(rounds) => {
+            let (n, m) = (rows.rows.len() as f64, columns.rows.len() as f64);
+            let (mut u, mut v) = (Vec::new(), vec![1.0f32; columns.rows.len()]);
+            for _ in 0..rounds {
+                u = inverted(&sums(&there, Scaling::Target(&v), 2 * rounds), 1.0 / n);
+                v = inverted(&sums(&back, Scaling::Target(&u), 2 * rounds), 1.0 / m);
+            }
+            there.moments(Scaling::Product(&u, &v), last, start)
+        }
+    };
+    (moments, weighed + count)
+}
+
+/// η with (1 − η)^−`powers` = 1 + `tolerance`/4.
+fn row_share(tolerance: f64, powers: u32) -> f64 {
+    -(-(tolerance / 4.0).ln_1p() / f64::from(powers)).exp_m1()
+}
+
+/// Every row of one side against the columns that matter to it.
+struct Pass<'a, K> {
+    rows: &'a Compact,
+    columns: &'a Compact,
+    kernel: &'a K,
+}
+
+impl<K: WeightKernel> Pass<'_, K> {
+    /// Moments, of every block all but `share` of its weight.
+    fn moments(&self, scaling: Scaling<'_>, share: f64, start: Moments) -> (Moments, u64) {
+        let rows = &self.rows.rows;
+        let blocks = par::map_blocks(rows.len(), BLOCK, Scratch::default, |scratch, block| {
+            let Scratch { budget, gathered, tile } = scratch;
+            let mut sums = vec![[0.0; 6]; block.len()];
+            budget.bound(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
+            let factors = scaling.rows(block.clone());
+            let weighed = budget.spend(share, |groups| {
+                for groups in groups.chunks(WIDEST) {
+                    gathered.take(self.columns, groups, scaling);
+                    gathered.place(self.columns, groups);
+                    let mut reducer =
+                        MomentSums { targets: &gathered.targets, sums: std::mem::take(&mut sums) };
+                    let (panels, scaling) = (&gathered.panels, gathered.scaling(scaling));
+                    weigh_block(
+                        rows,
+                        block.clone(),
+                        panels,
+                        self.kernel,
+                        scaling,
+                        &mut reducer,
+                        tile,
+                    );
+                    sums = reducer.sums;
+                }
+                sums.iter().map(|sums| sums[0]).sum::<f64>() / factors
+            });
+            let targets = &gathered.targets;
+            let moments =
+                MomentSums { targets, sums }.fold(&self.rows.points[block.clone()], start);
+            (moments, weighed * block.len() as u64)
+        });
+        blocks.iter().fold((start, 0), |(mut sum, all), (block, weighed)| {
+            sum.merge(block);
+            (sum, all + weighed)
+        })
+    }
+
+    /// Σ_j w_ij of every row, short of it by at most `share` of it.
+    fn sums(&self, scaling: Scaling<'_>, share: f64) -> (Vec<f64>, u64) {
+        let rows = &self.rows.rows;
+        let blocks = par::map_blocks(rows.len(), BLOCK, Scratch::default, |scratch, block| {
+            let Scratch { budget, gathered, tile } = scratch;
+            let mut reducer = RowSums { sums: vec![0.0; block.len()] };
+            budget.bound(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
+            let weighed = budget.spend(share, |groups| {
+                for groups in groups.chunks(WIDEST) {
+                    gathered.take(self.columns, groups, scaling);
+                    let (panels, scaling) = (&gathered.panels, gathered.scaling(scaling));
+                    weigh_block(
+                        rows,
+                        block.clone(),
+                        panels,
+                        self.kernel,
+                        scaling,
+                        &mut reducer,
+                        tile,
+                    );
+                }
+                let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+                // Whether a row counts as one without weight is left to no bound.
+                if least < 2.0 * f64::from(f32::MIN_POSITIVE) { 0.0 } else { least }
+            });
+            (reducer.sums, weighed * block.len() as u64)
+        });
+        let weighed = blocks.iter().map(|(_, weighed)| weighed).sum();
+        (blocks.into_iter().flat_map(|(sums, _)| sums).collect(), weighed)
+    }
+}
+
+impl Scaling<'_> {
+    /// Sum of the factors of a block's rows.
+    fn rows(&self, block: Range<usize>) -> f64 {
+        match self {
+            Scaling::None | Scaling::Target(_) => block.len() as f64,
+            Scaling::Source(u) | Scaling::Product(u, _) | Scaling::Dual(u, _) => {
+                u[block].iter().map(|&u| f64::from(u)).sum()
+            }
+        }
+    }
+
+    /// Factors of the columns.
+    fn columns(&self) -> Option<&[f32]> {
+        match self {
+            Scaling::None | Scaling::Source(_) => None,
+            Scaling::Target(v) | Scaling::Product(_, v) | Scaling::Dual(_, v) => Some(v),
+        }
+    }
+}
+
+/// What a thread uses again.
+#[derive(Default)]
+struct Scratch {
+    budget: Budget,
+    gathered: Gathered,
+    tile: Vec<f32>,
+}
