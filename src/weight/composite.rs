@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 /// let at = |scheme, beta: f64| Composite::kernel(scheme, beta.into());
 /// let both = Composite::Product(vec![
 ///     at(WeightScheme::Gaussian, 100.0),
-///     Composite::Times(0.5, Box::new(at(WeightScheme::Truncated, 30.0))),
+///     Composite::Times(0.5, Box::new(at(WeightScheme::TruncatedQuadratic, 30.0))),
 /// ]);
 /// let both = both.resolved(Ok)?;
 /// assert_eq!((both.weight(0.0), both.weight(31.0)), (0.5, 0.0));
