@@ -41,7 +41,8 @@ def ours_by(method, **settings):
             found = ours.register(pair.source, pair.target, method, **settings)
         except cfreg.RegistrationError:
             return None, [0, 0]
-        counts = [found["points"][side]["described"] for side in ("source", "target")]
+        points = [ours.part(found["points"], side) for side in ("source", "target")]
+        counts = [ours.part(side, "described") for side in points]
         return found["transform"], counts
 
     return answer

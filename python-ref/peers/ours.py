@@ -1,18 +1,42 @@
 """The crate's answer to a pair, and how far two poses are apart."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 
+def part(found, name):
+    """What the crate's answer, or a part of it, says under that name: an object or a dict."""
+    return getattr(found, name) if hasattr(found, name) else found[name]
+
+
+def pose_of(found):
+    """The (4, 4) pose of an answer, or of a step of its trace."""
+    return np.asarray(part(found, "transform"), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The crate's answer to a source that was moved to `initial` before; poses are those of
+    the source as it was."""
+
+    found: object
+    initial: np.ndarray
+
+    def __getitem__(self, name):
+        return self.pose(self.found) if name == "transform" else part(self.found, name)
+
+    def pose(self, found):
+        return pose_of(found) @ self.initial
+
+
 def register(source, target, method, initial=None, **settings):
-    """The crate's registration as a dict, its transform as (4, 4); `initial` is the pose
-    that it starts from."""
+    """The crate's `Answer`; `initial` is the pose (4, 4) that it starts from."""
     import cfreg
 
     initial = np.eye(4) if initial is None else np.asarray(initial)
     moved = source @ initial[:3, :3].T + initial[:3, 3]
-    found = dict(cfreg.register(moved, target, method=method, **settings))
-    found["transform"] = np.asarray(found["transform"]) @ initial
-    return found
+    return Answer(cfreg.register(moved, target, method=method, **settings), initial)
 
 
 def angle(a, b):
