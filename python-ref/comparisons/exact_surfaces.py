@@ -5,6 +5,8 @@ judged over what rounding can turn it by. Bins are decided exactly; rows behind 
 decision lies within f32 rounding of a tie are counted apart.
 """
 
+import itertools
+
 import numpy as np
 
 import reference as ref
@@ -31,7 +33,7 @@ REACH = 4.0
 F32, F64 = 2.0**-24, 2.0**-53
 """Half of what the next number is off, relative."""
 
-CLOUD, NEIGHBORS = 60, 12
+NEIGHBORS = 12
 
 BOUNDS = {
     "normal, over what f32 rounding turns": (2.0, "three coordinates of a unit vector in f32; points where they are rounded"),
@@ -46,7 +48,7 @@ BOUNDS = {
 
 def sections(scope):
     yield f"normals of {POINTS} points beside {exact.DIGITS} digits", planes(scope.cfreg)
-    yield f"FPFH of {CLOUD} points beside {exact.DIGITS} digits, k = {NEIGHBORS}", histograms(scope.cfreg)
+    yield f"FPFH of small clouds beside {exact.DIGITS} digits, k = {NEIGHBORS}", histograms(scope.cfreg)
 
 
 def planes(cfreg):
@@ -90,9 +92,8 @@ def turn(variances, unit, moved):
 
 
 def histograms(cfreg):
-    points = relief(CLOUD, np.random.default_rng(31))
-    normals = as_f32(ref.normals(points, NEIGHBORS, VIEWPOINT)[0])
-    for scale in SCALES:
+    for (name, points), scale in itertools.product(clouds().items(), SCALES):
+        normals = as_f32(ref.normals(points, NEIGHBORS, VIEWPOINT)[0])
         true = exact.fpfh(exact.rows(points), exact.rows(normals), NEIGHBORS, scale)
         found = {"reference - exact": (ref.fpfh(points, normals, NEIGHBORS, scale), "f64")}
         if scale == "open3d":
@@ -100,13 +101,22 @@ def histograms(cfreg):
         if cfreg:
             ours = cfreg.fpfh(points, neighbors=NEIGHBORS, scale=scale, normals=normals)
             found["cfreg - exact"] = np.asarray(ours, dtype=np.float64), "f32"
-        yield "FPFH, pairs within f32 rounding of a tie", f"exact, {scale}", true.doubtful_pairs
-        yield "FPFH, rows not clear, share", f"exact, {scale}", np.mean(~true.clear)
+        yield "FPFH, pairs within f32 rounding of a tie", f"exact, {name}", true.doubtful_pairs
+        yield "FPFH, rows not clear, share", f"exact, {name}", np.mean(~true.clear)
         for who, (values, digits) in found.items():
             apart = np.abs(values - true.histograms).sum(axis=1)
-            yield f"FPFH, clear rows, L1, {digits}", f"{who}, {scale}", apart[true.clear].max()
+            label = f"{who}, {name}, {scale}"
+            yield f"FPFH, clear rows, L1, {digits}", label, apart[true.clear].max()
             if not true.clear.all():
-                yield f"FPFH, other rows, L1, {digits}", f"{who}, {scale}", apart[~true.clear].max()
+                yield f"FPFH, other rows, L1, {digits}", label, apart[~true.clear].max()
+
+
+def clouds():
+    """A relief, and one with a flat grid beside it, whose last neighbours tie."""
+    random = relief(50, np.random.default_rng(31))
+    steps = np.arange(5) / 8.0
+    grid = np.stack([*np.meshgrid(steps + 3.0, steps), np.zeros((5, 5))], axis=-1).reshape(-1, 3)
+    return {"relief": random, "relief and grid": np.vstack([random, grid])}
 
 
 def by_open3d(points, normals):

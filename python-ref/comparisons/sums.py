@@ -3,7 +3,7 @@
 import numpy as np
 
 import reference as ref
-from peers.ours import pose_of
+from peers import ours
 from surfaces import as_f32
 
 DISTANCE_ROUNDING = 2e-2
@@ -16,13 +16,13 @@ NORMALISATIONS = ("none", "source", "target", "both", "sinkhorn:10")
 BOUNDS = {
     "sum of weights, relative": (5e-5, "d² of 33 bins in f32 is off by 1e-3, beta is 100"),
     "sum of squared weights, relative": (1e-4, "twice that of the weights"),
-    "moments, relative to size": (5e-5, "weights as above, sums in f64"),
+    "moments, relative to size": (2e-5, "weights as above, sums in f64"),
     "truncated: change of a sum per pair in doubt": (1.0, "such a pair weighs 0 or 1"),
-    "pose from equal moments, difference": (1e-9, "closed forms in f64 on both sides"),
-    "pose, rotation, degrees": (1e-3, "moments as above: 5e-5 at the very worst, in part a factor"),
-    "pose, translation / size": (2e-5, "moments as above, in part a common factor"),
-    "register, rotation, degrees": (0.05, "pairs in other bins: equal normals, ties, edges"),
-    "register, translation / size": (5e-4, "pairs in other bins: equal normals, ties, edges"),
+    "pose from equal moments, difference": (1e-12, "closed forms in f64 on both sides"),
+    "pose, rotation, degrees": (1e-4, "moments as above: 2e-5 at the very worst, in part a factor"),
+    "pose, translation / size": (2e-6, "moments as above, in part a common factor"),
+    "register, rotation, degrees": (0.02, "pairs in other bins: equal normals, ties, edges"),
+    "register, translation / size": (2e-4, "pairs in other bins: equal normals, ties, edges"),
 }
 
 
@@ -35,7 +35,7 @@ def sums(a, b, size, cfreg, beta):
     features = [as_f32(s.fpfh["pcl"]) for s in (a, b)]
     d2 = ref.squared_distances(*features)
     for kernel, normalisation in schemes:
-        theirs = cfreg.moments(
+        found = cfreg.moments(
             a.points,
             b.points,
             *(f.astype(np.float32) for f in features),
@@ -44,33 +44,33 @@ def sums(a, b, size, cfreg, beta):
             normalize=normalisation,
         )
         weights = ref.normalise(ref.weigh(d2, kernel, beta), normalisation)
-        origins = np.asarray(theirs.source_origin), np.asarray(theirs.target_origin)
-        ours = ref.moments(weights, a.points, b.points, *origins)
-        apart = moments_apart(theirs, ours, size)
+        origins = np.asarray(found.source_origin), np.asarray(found.target_origin)
+        expected = ref.moments(weights, a.points, b.points, *origins)
+        apart = moments_apart(found, expected, size)
         label = f"cfreg - reference, {kernel}, {normalisation}"
         if kernel == "truncated":
             in_doubt = np.count_nonzero(np.abs(d2 - beta) < DISTANCE_ROUNDING)
-            change = max(abs(theirs.weight - ours.weight), apart * ours.weight)
-            yield "truncated: pairs in doubt, share of the weight", label, in_doubt / ours.weight
+            change = max(abs(found.weight - expected.weight), apart * expected.weight)
+            yield "truncated: pairs in doubt, share of the weight", label, in_doubt / expected.weight
             yield "truncated: change of a sum per pair in doubt", label, change / max(in_doubt, 1)
             continue
-        yield "sum of weights, relative", label, relative(theirs.weight, ours.weight)
-        squared = relative(theirs.weight_squared, ours.weight_squared)
+        yield "sum of weights, relative", label, relative(found.weight, expected.weight)
+        squared = relative(found.weight_squared, expected.weight_squared)
         yield "sum of squared weights, relative", label, squared
         yield "moments, relative to size", label, apart
         if kernel == "gaussian":
-            yield from poses(theirs, ours, size, cfreg, label)
+            yield from poses(found, expected, size, cfreg, label)
 
 
-def poses(theirs, ours, size, cfreg, label):
-    same = ref.Moments(**{name: np.asarray(getattr(theirs, name)) for name in vars(ours)})
+def poses(found, expected, size, cfreg, label):
+    same = ref.Moments(**{name: np.asarray(getattr(found, name)) for name in vars(expected)})
     for solver in ref.SOLVERS:
         for scale in ("fixed", "umeyama", "symmetric"):
-            matrix = np.asarray(cfreg.solve(theirs, solver=solver, scale=scale))
+            matrix = np.asarray(cfreg.solve(found, solver=solver, scale=scale))
             who = f"{label}, {solver}, scale {scale}"
             alone = ref.solve(same, solver, scale).matrix()
             yield "pose from equal moments, difference", who, pose_apart(matrix, alone, size)[2]
-            angle, shift, _ = pose_apart(matrix, ref.solve(ours, solver, scale).matrix(), size)
+            angle, shift, _ = pose_apart(matrix, ref.solve(expected, solver, scale).matrix(), size)
             yield "pose, rotation, degrees", who, angle
             yield "pose, translation / size", who, shift
 
@@ -79,7 +79,7 @@ def registration(a, b, size, cfreg, beta):
     """From clouds to pose at once, both seen from the origin."""
     result = cfreg.register(a, b, neighbors=ref.NEIGHBORS, beta=beta)
     expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
-    angle, shift, _ = pose_apart(pose_of(result), expected, size)
+    angle, shift, _ = pose_apart(ours.pose_of(result), expected, size)
     yield "register, rotation, degrees", "cfreg - reference", angle
     yield "register, translation / size", "cfreg - reference", shift
 
@@ -102,12 +102,9 @@ def moments_apart(a, b, size):
 def pose_apart(a, b, size):
     """Between two (4, 4) similarities: angle in degrees, translation over `size`, and
     the largest difference of an entry with lengths over `size`."""
-    r, s = (m[:3, :3] / np.cbrt(np.linalg.det(m[:3, :3])) for m in (a, b))
-    turn = r @ s.T
-    sine = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    angle = np.degrees(np.arctan2(np.linalg.norm(sine), np.trace(turn) - 1.0))
+    turned = ours.angle(*(m[:3, :3] / np.cbrt(np.linalg.det(m[:3, :3])) for m in (a, b)))
     shift = np.linalg.norm(a[:3, 3] - b[:3, 3]) / size
-    return angle, shift, max(np.abs(a - b)[:3, :3].max(), shift)
+    return turned, shift, max(np.abs(a - b)[:3, :3].max(), shift)
 
 
 def relative(a, b):
