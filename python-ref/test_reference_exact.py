@@ -90,8 +90,8 @@ class Poses(unittest.TestCase):
         for name in ("noise", "reflection", "reflection, s3 of s2: 1 - 1e-3", "plane: rank 2"):
             with self.subTest(name):
                 _, sums = sums_of(name)
-                s = mp.matrix(sums.cross) - mp.matrix(sums.source_sum) * mp.matrix(sums.target_sum).T / sums.weight
-                u, values, v = mp.svd_r(s)
+                products = mp.matrix(sums.source_sum) * mp.matrix(sums.target_sum).T
+                u, values, v = mp.svd_r(mp.matrix(sums.cross) - products / sums.weight)
                 sign = 1 if mp.det(u) * mp.det(v) > 0 else -1
                 rotation = (u * mp.diag([1, 1, sign]) * v).T
                 best = exact.solve(sums)
@@ -144,7 +144,8 @@ class Surfaces(unittest.TestCase):
         np.testing.assert_allclose(expected, float(curvature), atol=1e-14)
 
     def test_points_of_a_plane_have_no_curvature(self):
-        flat = [[mp.mpf(x), mp.mpf(y), mp.mpf(x + 2 * y) / 3] for x, y in itertools.product(range(3), repeat=2)]
+        grid = itertools.product(map(mp.mpf, range(3)), repeat=2)
+        flat = [[x, y, (x + 2 * y) / 3] for x, y in grid]
         self.assertLess(exact.plane(flat)[1], TINY)
 
     def test_numpy_has_the_same_fpfh(self):
@@ -155,7 +156,8 @@ class Surfaces(unittest.TestCase):
             expected = ref.fpfh(points, normals, 10, scale)
             self.assertGreater(found.clear.mean(), 0.5)
             np.testing.assert_allclose(found.histograms[found.clear], expected[found.clear], atol=1e-11)
-            np.testing.assert_allclose(found.histograms.reshape(-1, 3, 11).sum(axis=2), total, rtol=1e-14)
+            blocks = found.histograms.reshape(-1, 3, 11)
+            np.testing.assert_allclose(blocks.sum(axis=2), total, rtol=1e-14)
 
     def test_a_pair_at_the_edge_of_a_bin_is_not_clear(self):
         # The first normal makes the smaller angle with the line from p to q.

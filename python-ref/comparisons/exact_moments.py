@@ -2,6 +2,7 @@
 every normalisation, descriptors of 33 and of 3 numbers (the crate computes their
 distances in two ways), and map coordinates given as decimal text."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 import reference as ref
 from reference import exact
 from reference.exact.moments import squared_distances
-from reference.exact.numbers import minus, norm
+from reference.exact.numbers import minus
 from surfaces import VIEWPOINT, as_f32, random_rotation, relief
 
 SOURCE, TARGET = 40, 30
@@ -18,20 +19,23 @@ NU = ("5", "1")
 NORMALISATIONS = ("none", "source", "target", "both", "sinkhorn:3")
 
 F32 = "weights in f32, 6e-8 each, of distances in f32"
+MAP_F32 = F32 + "; points about a near origin in f32"
 F64 = "some tens of roundings of 1e-16 in d², kernel and sums"
+MAP_F64 = "5.6e6 m in f64 is off by 5e-10 m, the clouds are 2e2 m"
+
 BOUNDS = {
-    "sum of weights, f32 distances": (1e-6, F32),
-    "sum of squared weights, f32 distances": (2e-6, "twice that of the weights"),
-    "moments / size, f32 distances": (1e-6, F32),
-    "residual of a pose, f32 distances": (1e-6, F32),
+    "sum of weights, f32": (1e-6, F32),
+    "sum of squared weights, f32": (2e-6, "twice that of the weights"),
+    "moments / size, f32": (1e-6, F32),
+    "residual of a pose, f32": (1e-6, F32),
+    "map: moments / size, f32": (1e-6, MAP_F32),
+    "map: residual of a pose, f32": (1e-6, MAP_F32),
     "sum of weights, f64": (2e-14, F64),
     "sum of squared weights, f64": (4e-14, "twice that of the weights"),
     "moments / size, f64": (2e-14, F64),
     "residual of a pose, f64": (2e-14, F64),
-    "map coordinates: moments / size, f32 points": (1e-6, F32 + "; points about a near origin in f32"),
-    "map coordinates: residual of a pose, f32 points": (1e-6, F32 + "; points about a near origin in f32"),
-    "map coordinates: moments / size, f64": (2e-11, "5.6e6 m in f64 is off by 5e-10 m, the clouds are 2e2 m"),
-    "map coordinates: residual of a pose, f64": (2e-11, "5.6e6 m in f64 is off by 5e-10 m, the clouds are 2e2 m"),
+    "map: moments / size, f64": (2e-11, MAP_F64),
+    "map: residual of a pose, f64": (2e-11, MAP_F64),
 }
 
 
@@ -44,7 +48,10 @@ class Connection:
     descriptors: tuple
     """f32 numbers in f64, (N, D) and (M, D)."""
     prefix: str = ""
-    digits: str = "f32 distances"
+    """Of the quantities that depend on the points."""
+
+    def points(self):
+        return exact.as_float(self.source), exact.as_float(self.target)
 
 
 def sections(scope):
@@ -60,7 +67,7 @@ def connections():
     yield Connection("33 bins", *of_places, features)
     yield Connection("3 numbers", *of_places, (source, target))
     maps = (on_a_map(cloud, corner) for cloud, corner in ((source, 500123.5), (target, 500987.25)))
-    yield Connection("map", *maps, features, "map coordinates: ", "f32 points")
+    yield Connection("map", *maps, features, "map: ")
 
 
 def descriptors(points):
@@ -77,26 +84,18 @@ def on_a_map(points, east):
 def measured(connection, cfreg):
     d2 = squared_distances(*map(exact.rows, connection.descriptors))
     beta = clear_bandwidth(exact.as_float(d2))
-    points = exact.as_float(connection.source), exact.as_float(connection.target)
-    size = norm([exact.exact(x) for x in np.ptp(points[0], axis=0)])
-    pose = near_pose(connection)
-    for name, kernel, nu in kernels():
-        for normalisation in NORMALISATIONS:
-            table = exact.weights(d2, kernel, beta, nu, normalisation)
-            label = f"{connection.name}, {name}, {normalisation}"
-            found = {"reference - exact": (reference(connection, points, beta, kernel, nu, normalisation), "f64")}
-            if cfreg:
-                sums = cfreg.moments(
-                    *points, *connection.descriptors, weights=name, beta=beta, normalize=normalisation
-                )
-                found["cfreg - exact"] = sums, connection.digits
-            for who, (sums, digits) in found.items():
-                for quantity, value in differences(sums, table, connection, size, pose):
-                    # The weights do not depend on the points.
-                    prefix = "" if quantity.startswith("sum") else connection.prefix
-                    of_weights = "f32 distances" if digits != "f64" else digits
-                    kind = digits if prefix else of_weights
-                    yield f"{prefix}{quantity}, {kind}", f"{who}, {label}", value
+    given = *connection.points(), *connection.descriptors
+    pose = near_pose(*connection.points())
+    for (name, kernel, nu), normalisation in itertools.product(kernels(), NORMALISATIONS):
+        table = exact.weights(d2, kernel, beta, nu, normalisation)
+        label = f"{connection.name}, {name}, {normalisation}"
+        found = by_reference(given, kernel, beta, nu, normalisation)
+        for quantity, value in differences(found, table, connection, pose):
+            yield f"{quantity}, f64", f"reference - exact, {label}", value
+        if cfreg:
+            found = cfreg.moments(*given, weights=name, beta=beta, normalize=normalisation)
+            for quantity, value in differences(found, table, connection, pose):
+                yield f"{quantity}, f32", f"cfreg - exact, {label}", value
 
 
 def kernels():
@@ -106,26 +105,29 @@ def kernels():
             yield f"{kernel}:{nu}" if kernel == "student-t" else kernel, kernel, float(nu)
 
 
-def reference(connection, points, beta, kernel, nu, normalisation):
-    d2 = ref.squared_distances(*connection.descriptors)
-    return ref.moments(ref.normalise(ref.weigh(d2, kernel, beta, nu), normalisation), *points)
+def by_reference(given, kernel, beta, nu, normalisation):
+    *points, a, b = given
+    weights = ref.weigh(ref.squared_distances(a, b), kernel, beta, nu)
+    return ref.moments(ref.normalise(weights, normalisation), *points)
 
 
-def differences(found, table, connection, size, pose):
+def differences(found, table, connection, pose):
+    """Quantities and values of moments that someone found, about the origins they chose."""
     sums = exact.Sums.of(found)
-    origins = sums.source_origin, sums.target_origin
-    true = exact.moments(table, connection.source, connection.target, *origins)
+    points = connection.source, connection.target
+    true = exact.moments(table, *points, sums.source_origin, sums.target_origin)
     yield "sum of weights", abs(sums.weight / true.weight - 1)
     yield "sum of squared weights", abs(sums.weight_squared / true.weight_squared - 1)
-    yield "moments / size", moments_apart(sums, true, size)
-    matrix = exact.as_float(pose)
-    mine = (
-        found.residual(matrix)
-        if hasattr(found, "residual")
-        else ref.weighted_residual(found, 1.0, matrix[:3, :3], matrix[:3, 3])
-    )
-    expected = exact.residual_of_pairs(table, connection.source, connection.target, exact.rows(matrix))
-    yield "residual of a pose", abs(exact.exact(mine) / expected - 1)
+    size = exact.exact(np.linalg.norm(np.ptp(connection.points()[0], axis=0)))
+    yield f"{connection.prefix}moments / size", moments_apart(sums, true, size)
+    expected = exact.residual_of_pairs(table, *points, exact.rows(pose))
+    yield f"{connection.prefix}residual of a pose", abs(exact.exact(residual(found, pose)) / expected - 1)
+
+
+def residual(found, pose):
+    if hasattr(found, "residual"):
+        return found.residual(pose)
+    return ref.weighted_residual(found, 1.0, pose[:3, :3], pose[:3, 3])
 
 
 def moments_apart(a, b, size):
@@ -137,14 +139,12 @@ def moments_apart(a, b, size):
     return worst / b.weight
 
 
-def near_pose(connection):
-    """Rows (4, 4) of a rotation of 20 degrees that lays centroid near centroid."""
-    turn = random_rotation(np.random.default_rng(3), degrees=20.0)
-    centres = (exact.as_float(cloud).mean(axis=0) for cloud in (connection.source, connection.target))
-    source_centre, target_centre = centres
+def near_pose(source, target):
+    """(4, 4): a rotation of 20 degrees that lays centroid near centroid."""
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn, target_centre + 0.1 - turn @ source_centre
-    return exact.rows(pose)
+    pose[:3, :3] = random_rotation(np.random.default_rng(3), degrees=20.0)
+    pose[:3, 3] = target.mean(axis=0) + 0.1 - pose[:3, :3] @ source.mean(axis=0)
+    return pose
 
 
 def clear_bandwidth(d2):

@@ -15,11 +15,16 @@ from surfaces import random_rotation
 PAIRS = 40
 SCALES = ("fixed", "umeyama", "symmetric")
 
+ROTATION = "pose: rotation and scale, over the condition"
+MEAN = "pose: where the mean goes, relative"
+RESIDUAL = "residual from moments, relative to its terms"
+NEAR_ONE = "residual, scale within 1e-6 of 1"
+
 BOUNDS = {
-    "pose: rotation and scale, over the condition": (2e-14, "some hundred roundings of 1e-16, times the condition"),
-    "pose: where the mean goes, relative": (2e-15, "some roundings of the coordinates' magnitude"),
-    "residual from moments, relative to its terms": (5e-15, "some tens of roundings of terms that cancel"),
-    "residual, scale within 1e-6 of 1": (2e-6, "such a scale counts as 1, so that a rotation keeps its digits"),
+    ROTATION: (2e-14, "some hundred roundings of 1e-16, times the condition"),
+    MEAN: (2e-15, "some roundings of the coordinates' magnitude"),
+    RESIDUAL: (5e-15, "some tens of roundings of terms that cancel"),
+    NEAR_ONE: (2e-6, "such a scale counts as 1, so that a rotation keeps its digits"),
 }
 
 PROBLEMS = {
@@ -51,9 +56,11 @@ def sections(scope):
 def measured(cfreg):
     for seed, (name, kind) in enumerate(PROBLEMS.items()):
         source, target = pairs(np.random.default_rng(seed), **kind)
-        yield from judged("reference - exact", name, ref.moments(np.eye(PAIRS), source, target), Reference)
+        found = ref.moments(np.eye(PAIRS), source, target)
+        yield from judged("reference - exact", name, found, Reference)
         if cfreg:
-            yield from judged("cfreg - exact", name, matched(cfreg, source, target), Crate(cfreg))
+            found = matched(cfreg, source, target)
+            yield from judged("cfreg - exact", name, found, Crate(cfreg))
 
 
 class Reference:
@@ -85,25 +92,23 @@ def judged(who, name, found, implementation):
         true = exact.solve(sums, scale)
         for solver in ref.SOLVERS:
             label = f"{who}, {name}, {solver}, {scale}"
-            matrix = implementation.solve(found, solver, scale)
-            rows = exact.rows(matrix)
-            yield "pose: rotation and scale, over the condition", label, turned(rows, true) / condition(true, solver, spread)
-            yield "pose: where the mean goes, relative", label, misplaced(rows, sums, size)
+            rows = exact.rows(implementation.solve(found, solver, scale))
+            yield ROTATION, label, turned(rows, true) / condition(true, solver, spread)
+            yield MEAN, label, misplaced(rows, sums, size)
         for pose in (implementation.solve(found, "arun", scale), off(sums)):
-            yield residual_quantity(pose), f"{who}, {name}", residual_error(implementation, found, pose, sums, size)
+            error = residual_error(implementation.residual(found, pose), pose, sums, size)
+            yield NEAR_ONE if is_near_one(pose) else RESIDUAL, f"{who}, {name}, {scale}", error
 
 
-def residual_quantity(pose):
-    """The crate takes a scale that is 1 but for this much as 1; not for rounding alone."""
-    near = 1e-14 < abs(np.cbrt(np.linalg.det(pose[:3, :3])) - 1.0) < 1e-6
-    return "residual, scale within 1e-6 of 1" if near else "residual from moments, relative to its terms"
+def is_near_one(pose):
+    """Whether the scale differs from 1, by more than rounding and less than the crate minds."""
+    return 1e-14 < abs(np.cbrt(np.linalg.det(pose[:3, :3])) - 1.0) < 1e-6
 
 
-def residual_error(implementation, found, pose, sums, size):
-    # Sums from f32 products may leave a perfect fit a little below 0; nobody returns that.
+def residual_error(found, pose, sums, size):
+    # Sums of f32 products may leave a perfect fit a little below 0; nobody need return that.
     expected = max(exact.residual(sums, exact.rows(pose)), 0)
-    error = abs(exact.exact(max(implementation.residual(found, pose), 0.0)) - expected)
-    return error / terms(exact.rows(pose), sums, size)
+    return abs(exact.exact(max(found, 0.0)) - expected) / terms(exact.rows(pose), sums, size)
 
 
 def off(sums):

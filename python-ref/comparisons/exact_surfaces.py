@@ -36,12 +36,12 @@ F32, F64 = 2.0**-24, 2.0**-53
 NEIGHBORS = 12
 
 BOUNDS = {
-    "normal, over what f32 rounding turns": (2.0, "three coordinates of a unit vector in f32; points where they are rounded"),
-    "normal, over what f64 rounding turns": (10.0, "some roundings of the covariance over the gap of variances"),
+    "normal, over what f32 rounding turns": (2.0, "three coordinates of a unit vector in f32"),
+    "normal, over what f64 rounding turns": (10.0, "some roundings of the covariance"),
     "curvature, f32": (1e-7, "a number up to 1/3 in f32, and rounded points on a map"),
     "curvature, f64": (1e-14, "some roundings of the covariance"),
     "FPFH, clear rows, L1, f32": (5e-4, "33 sums of some ten f32 numbers up to 200"),
-    "FPFH, clear rows, L1, f64": (1e-11, "sums in f64; normals that are of length 1 in f32 only"),
+    "FPFH, clear rows, L1, f64": (1e-11, "33 sums of some ten numbers up to 200"),
     "FPFH, rows not clear, share": (0.5, "else too few rows are judged"),
 }
 
