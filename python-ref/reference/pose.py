@@ -39,8 +39,9 @@ class Pose:
 def solve(sums, solver="arun", scale="fixed"):
     """The pose of least weighted residual.
 
-    `scale` is "fixed" (s = 1) or "umeyama" (S. Umeyama, PAMI 1991, eq. 42: the
-    s that minimises the residual over source and target for the rotation found).
+    `scale` is "fixed" (s = 1), "umeyama" (S. Umeyama, PAMI 1991, eq. 42: the
+    s that minimises the residual over source and target for the rotation found) or
+    "symmetric" (Horn, JOSA A 1987, section 2.E: the ratio of the clouds' spreads).
     """
     _require_unique(sums)
     rotation = SOLVERS[solver](sums)
@@ -52,8 +53,10 @@ def solve(sums, solver="arun", scale="fixed"):
         factor = 1.0
     elif scale == "umeyama":
         factor = np.trace(rotation @ sums.centred_cross()) / sums.centred_source_squares()
+    elif scale == "symmetric":
+        factor = np.sqrt(sums.centred_target_squares() / sums.centred_source_squares())
     else:
-        raise ValueError(f"scale must be fixed or umeyama, not {scale!r}")
+        raise ValueError(f"scale must be fixed, umeyama or symmetric, not {scale!r}")
     p_mean = sums.source_origin + sums.source_mean()
     q_mean = sums.target_origin + sums.target_mean()
     return Pose(float(factor), rotation, q_mean - factor * rotation @ p_mean)

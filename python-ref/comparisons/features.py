@@ -1,8 +1,7 @@
-"""What is measured between two implementations, stage by stage.
+"""Normals and descriptors of two implementations, from the same input.
 
-Every function yields (quantity, who, value); `compare.py` has a bound for each
-quantity that is judged, and prints the others for information. A stage gets the
-reference's result of the stage before, rounded to f32, so that it is judged alone.
+A stage gets the reference's result of the stage before, rounded to f32, so that it is
+judged alone.
 
 Two right programs may differ where a decision is a tie in f32: which point is the
 k-th, which side the viewpoint is on, which bin. Medians and maxima are therefore
@@ -22,14 +21,19 @@ from system_libraries import import_open3d
 
 TIE = 1e-6
 """Relative differences below this, some ten roundings of f32, count as ties."""
-DISTANCE_ROUNDING = 2e-2
-"""Error of |a|² + |b|² - 2 a.b in f32 for FPFH, at the very worst: five roundings of
-|a|² + |b|² <= 6e4, each 6e-8 of it."""
 EIGENVALUE_GAP = 1e-3
 """(l1 - l0) / l2 below which a neighbourhood has no distinct normal in f32."""
 
-KERNELS = [name for name in ref.KERNELS if name != "gaussian"]
-NORMALISATIONS = ("none", "source", "target", "both", "sinkhorn:10")
+BOUNDS = {
+    "normal angle, median, degrees": (1e-5, "f32 normals: a rounding is 3e-6 degrees"),
+    "normal angle, max, degrees": (3e-3, "the same, up to 1000 times by close eigenvalues"),
+    "curvature, max": (1e-6, "a number up to 1/3 in f32"),
+    "FPFH pcl, L1 of 300, median": (1e-3, "the same pairs in the same bins, summed in f32"),
+    "FPFH open3d, L1 of 600, median": (1e-3, "the same pairs in the same bins, summed in f32"),
+    "FPFH pcl, share of points > 1": (1e-3, "few pairs lie within f32 rounding of an edge"),
+    "FPFH open3d, share of points > 1": (1e-3, "few pairs lie within f32 rounding of an edge"),
+    "FPFH pcl from own normals, L1 of 300, median": (5e-3, "f32 normals differ in the last bit"),
+}
 
 
 def scene(points, viewpoint, k):
@@ -117,95 +121,7 @@ def descriptors(s, cfreg):
         yield f"FPFH {scale}, share of points > 1", who, np.mean(apart[s.same_neighbours] > 1.0)
 
 
-def sums(a, b, size, cfreg, beta):
-    """Moments of the crate beside the reference's about the crate's origins, from the
-    same descriptors, for the Gaussian under every normalisation and every kernel
-    without; then the poses that follow. The truncated kernel jumps, so that its sums
-    may change by the pairs whose side f32 does not decide, and no more."""
-    schemes = [("gaussian", name) for name in NORMALISATIONS] + [(name, "none") for name in KERNELS]
-    features = [as_f32(s.fpfh["pcl"]) for s in (a, b)]
-    d2 = ref.squared_distances(*features)
-    for kernel, normalisation in schemes:
-        theirs = cfreg.moments(
-            a.points,
-            b.points,
-            *(f.astype(np.float32) for f in features),
-            weights=kernel,
-            beta=beta,
-            normalize=normalisation,
-        )
-        weights = ref.normalise(ref.weigh(d2, kernel, beta), normalisation)
-        origins = np.asarray(theirs.source_origin), np.asarray(theirs.target_origin)
-        ours = ref.moments(weights, a.points, b.points, *origins)
-        apart = moments_apart(theirs, ours, size)
-        label = f"cfreg - reference, {kernel}, {normalisation}"
-        if kernel == "truncated":
-            in_doubt = np.count_nonzero(np.abs(d2 - beta) < DISTANCE_ROUNDING)
-            change = max(abs(theirs.weight - ours.weight), apart * ours.weight)
-            yield "truncated: pairs in doubt, share of the weight", label, in_doubt / ours.weight
-            yield "truncated: change of a sum per pair in doubt", label, change / max(in_doubt, 1)
-            continue
-        yield "sum of weights, relative", label, relative(theirs.weight, ours.weight)
-        squared = relative(theirs.weight_squared, ours.weight_squared)
-        yield "sum of squared weights, relative", label, squared
-        yield "moments, relative to size", label, apart
-        if kernel == "gaussian":
-            yield from poses(theirs, ours, size, cfreg, label)
-
-
-def poses(theirs, ours, size, cfreg, label):
-    same = ref.Moments(**{name: np.asarray(getattr(theirs, name)) for name in vars(ours)})
-    for solver in ref.SOLVERS:
-        for scale in ("fixed", "umeyama"):
-            matrix = np.asarray(cfreg.solve(theirs, solver=solver, scale=scale))
-            who = f"{label}, {solver}, scale {scale}"
-            alone = ref.solve(same, solver, scale).matrix()
-            yield "pose from equal moments, difference", who, pose_apart(matrix, alone, size)[2]
-            angle, shift, _ = pose_apart(matrix, ref.solve(ours, solver, scale).matrix(), size)
-            yield "pose, rotation, degrees", who, angle
-            yield "pose, translation / size", who, shift
-
-
-def registration(a, b, size, cfreg, beta):
-    """From clouds to pose at once, both seen from the origin."""
-    result = cfreg.register(a, b, neighbors=ref.NEIGHBORS, beta=beta)
-    expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
-    angle, shift, _ = pose_apart(np.asarray(result.transform), expected, size)
-    yield "register, rotation, degrees", "cfreg - reference", angle
-    yield "register, translation / size", "cfreg - reference", shift
-
-
-def moments_apart(a, b, size):
-    """The largest difference of any moment, each relative to the sum of weights and
-    as many factors `size` as it has lengths."""
-    return max(
-        np.abs(np.asarray(getattr(a, name)) - getattr(b, name)).max() / (b.weight * size**power)
-        for name, power in (
-            ("source_sum", 1),
-            ("target_sum", 1),
-            ("cross", 2),
-            ("source_squares", 2),
-            ("target_squares", 2),
-        )
-    )
-
-
-def pose_apart(a, b, size):
-    """Between two (4, 4) similarities: angle in degrees, translation over `size`, and
-    the largest difference of an entry with lengths over `size`."""
-    r, s = (m[:3, :3] / np.cbrt(np.linalg.det(m[:3, :3])) for m in (a, b))
-    turn = r @ s.T
-    sine = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    angle = np.degrees(np.arctan2(np.linalg.norm(sine), np.trace(turn) - 1.0))
-    shift = np.linalg.norm(a[:3, 3] - b[:3, 3]) / size
-    return angle, shift, max(np.abs(a - b)[:3, :3].max(), shift)
-
-
 def angles(a, b):
     """Angles (N,) between unit vectors (N, 3) in degrees, exact for small ones."""
     sine = np.linalg.norm(np.cross(a, b), axis=1)
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", a, b)))
-
-
-def relative(a, b):
-    return abs(a - b) / abs(b)
