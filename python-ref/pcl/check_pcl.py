@@ -23,7 +23,7 @@ sys.path.insert(0, str(HERE.parent))
 import reference as ref  # noqa: E402
 import scans  # noqa: E402
 from pcl.programs import build  # noqa: E402
-from stages import TIE, angles  # noqa: E402
+from comparisons.features import TIE, angles  # noqa: E402
 from surfaces import VIEWPOINT, as_f32, relief  # noqa: E402
 
 SEED = 2009

@@ -1,0 +1,69 @@
+"""The tutorial runs, and what it shows is right."""
+
+import csv
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import cfreg
+import numpy as np
+
+HERE = Path(__file__).resolve().parents[2] / "python-ref"
+
+
+@unittest.skipUnless(importlib.util.find_spec("matplotlib"), "matplotlib is not installed")
+class Tutorial(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def run_it(self, *arguments, data=None):
+        environment = os.environ | ({} if data is None else {"CFREG_DATA": data})
+        program = [sys.executable, HERE / "tutorial.py", "--output", self.folder, *arguments]
+        done = subprocess.run(program, capture_output=True, text=True, env=environment)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return done.stdout
+
+    def shows_something(self, name):
+        import matplotlib.image
+
+        picture = matplotlib.image.imread(self.folder / name)
+        colours = np.unique(picture.reshape(-1, picture.shape[2]), axis=0)
+        self.assertGreater(len(colours), 10, name)
+
+    def test_from_two_reliefs(self):
+        told = self.run_it("--points", "1000", data="/nowhere")
+        self.assertIn("two reliefs instead", told)
+        self.assertIn("trusted", told)
+        off = float(told.split("off by ")[1].split()[0])
+        self.assertLess(off, 1.0)
+        for name in ("aligned.png", "weights.png"):
+            self.shows_something(name)
+        with open(self.folder / "weights.csv") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(len(rows), 10)
+        self.assertEqual({row["normalize"] for row in rows}, {"none", "both"})
+        for row in rows:
+            self.assertLess(float(row["rotation off, deg"]), 10.0, row["weights"])
+            self.assertIn(row["weights"], told)
+        target = cfreg.read(self.folder / "target.pcd")
+        aligned = cfreg.read(self.folder / "aligned.ply")
+        self.assertGreater(cfreg.evaluate(aligned, target, np.eye(4)).agreement, 0.8)
+
+    def test_from_files_of_ones_own(self):
+        points = np.random.default_rng(0).random((300, 3)) * [3.0, 2.0, 1.0]
+        for name in ("a.ply", "b.ply"):
+            cfreg.write(self.folder / name, points)
+        np.savetxt(self.folder / "T.txt", np.eye(4))
+        files = [self.folder / "a.ply", self.folder / "b.ply"]
+        self.assertIn("off by 0.00 deg", self.run_it(*files, "--truth", self.folder / "T.txt"))
+        self.assertNotIn("off by", self.run_it(*files))
+
+
+if __name__ == "__main__":
+    unittest.main()
