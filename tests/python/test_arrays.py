@@ -19,6 +19,10 @@ try:
 except ImportError:
     small_gicp = None
 try:
+    import kiss_matcher
+except ImportError:
+    kiss_matcher = None
+try:
     import trimesh
 except ImportError:
     trimesh = None
@@ -249,6 +253,17 @@ class Interop(unittest.TestCase):
         target = self.points @ self.found.rotation.T + self.found.translation
         aligned = small_gicp.align(target, self.points, init_T_target_source=self.found.transform)
         np.testing.assert_allclose(aligned.T_target_source, self.found.transform, atol=1e-3)
+
+    @unittest.skipUnless(kiss_matcher, "KISS-Matcher is not installed")
+    def test_kiss_matcher(self):
+        source, target = terrain(4000, seed=1), turned(terrain(4000, seed=2))[0]
+        clouds = [cfreg.PointCloud(points) for points in (source, target)]
+        matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(0.05))
+        theirs = matcher.estimate(*(list(cloud.points) for cloud in clouds))
+        start = np.eye(4)
+        start[:3, :3], start[:3, 3] = theirs.rotation, theirs.translation
+        found = cfreg.ICP.generalized().register(*clouds, initial=start)
+        np.testing.assert_allclose(found.transform, turned(source)[1], atol=0.02)
 
     @unittest.skipUnless(trimesh, "trimesh is not installed")
     def test_trimesh(self):
