@@ -81,10 +81,15 @@ impl Drop for Entered {
 /// Ends the work of this thread here if that was requested: for long stretches without a
 /// parallel loop.
 pub fn checkpoint() {
-    let requested = |interrupt: &Interrupt| interrupt.0.load(Ordering::Relaxed);
-    if CURRENT.with_borrow(|current| current.as_ref().is_some_and(requested)) {
+    if requested() {
         stop();
     }
+}
+
+/// Whether this thread has been asked to end its work: for places that cannot unwind.
+pub fn requested() -> bool {
+    let requested = |interrupt: &Interrupt| interrupt.0.load(Ordering::Relaxed);
+    CURRENT.with_borrow(|current| current.as_ref().is_some_and(requested))
 }
 
 /// Ends all work up to the [`guard`](Interrupt::guard) around it, from within: for weights

@@ -40,6 +40,12 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     }))
 }
 
+/// Whether the caller is one of the threads that parallel loops run on. If it waits for
+/// other work, that should have threads of its own: those here may all be waiting so.
+pub fn in_pool() -> bool {
+    rayon::current_thread_index().is_some()
+}
+
 /// Runs `work` with its parallel loops on one new thread, which has ended when this returns,
 /// so that nothing is left of what libraries keep for a thread: [`with_threads`] lets its
 /// threads end later. For measuring.

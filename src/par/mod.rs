@@ -8,5 +8,7 @@
 mod interrupt;
 mod loops;
 
-pub use interrupt::{Interrupt, checkpoint, stop};
-pub use loops::{MOST_THREADS, for_each_row, map, map_blocks, on_new_thread, with_threads};
+pub use interrupt::{Interrupt, checkpoint, requested, stop};
+pub use loops::{
+    MOST_THREADS, for_each_row, in_pool, map, map_blocks, on_new_thread, with_threads,
+};

@@ -23,9 +23,11 @@ pub(super) fn released<T: Send>(
     let interrupt = Interrupt::default();
     let (send, receive) = channel();
     let within = interrupt.clone();
+    // A weight written in Python may call on us again, from a thread of the pool.
+    let nested = par::in_pool();
     let worker = move || {
         // Nobody waits for an answer after an interrupt.
-        let _ = send.send(within.guard(|| in_own_process(work)));
+        let _ = send.send(within.guard(|| on_live_threads(nested, work)));
     };
     py.detach(move || {
         std::thread::scope(|scope| {
@@ -36,6 +38,10 @@ pub(super) fn released<T: Send>(
             loop {
                 match receive.recv_timeout(PATIENCE) {
                     Ok(answer) => return answer.flatten().flatten().map_err(exception),
+                    Err(RecvTimeoutError::Timeout) if par::requested() => {
+                        interrupt.request();
+                        return Err(exception(Error::Interrupted));
+                    }
                     Err(RecvTimeoutError::Timeout) => {
                         // Handlers run in the main thread only; elsewhere this does nothing.
                         let signals = Python::attach(|py| py.check_signals());
@@ -51,14 +57,13 @@ pub(super) fn released<T: Send>(
     })
 }
 
-/// Runs `work` on the threads of this process. Those of the process that this one was forked
-/// from, as `multiprocessing` does, are not here: work given to them would wait for ever.
-fn in_own_process<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+/// Runs `work` on threads that will take it up: new ones where it is `nested` in other work,
+/// and in a process that was forked, as `multiprocessing` does. The usual threads then wait
+/// for this work, or are not there.
+fn on_live_threads<T: Send>(nested: bool, work: impl FnOnce() -> T + Send) -> Result<T> {
     static FIRST: OnceLock<u32> = OnceLock::new();
     let process = std::process::id();
-    let threads = match *FIRST.get_or_init(|| process) == process {
-        true => 0,
-        false => std::thread::available_parallelism().map_or(1, usize::from),
-    };
-    par::with_threads(threads, work)
+    let usual = !nested && *FIRST.get_or_init(|| process) == process;
+    let all = || std::thread::available_parallelism().map_or(1, usize::from);
+    par::with_threads(if usual { 0 } else { all() }, work)
 }

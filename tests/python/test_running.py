@@ -175,6 +175,9 @@ class Interrupts(unittest.TestCase):
             "dare": lambda: cfreg.DARE(tolerance=1e-12, max_iterations=10**6).register(many, many + 0.1),
             "teaser": lambda: cfreg.TEASER(neighbors=10, noise_bound=0.5, cross_check=False, clique_steps=10**15).register(few, few[:, ::-1].copy()),
             "moments": lambda: cfreg.moments(many, many, descriptors, descriptors, normalize="sinkhorn:99", threads=2),
+            "a nested call": lambda: cfreg.moments(
+                few, few, few, few, weights=lambda d2: (cfreg.register(many, many), d2)[1]
+            ),
             "a function": lambda: cfreg.register(few, few, weights=lambda d2: (time.sleep(0.5), d2)[1]),
         }
         for name, call in calls.items():

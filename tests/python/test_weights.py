@@ -148,6 +148,16 @@ class Weighing(unittest.TestCase):
         with self.assertRaisesRegex(TypeError, "^weights must be"):
             self.weigh(3)
 
+    def test_a_function_may_call_on_the_package_itself(self):
+        """From every thread at once, each of which then waits."""
+        few = terrain(200)
+
+        def nested(d2):
+            cfreg.fpfh(few, neighbors=20)
+            return np.ones(d2.shape)
+
+        self.assertEqual(round(self.weigh(nested).weight), 700 * 700)
+
     def test_registrations_take_them(self):
         def steep(d2):
             return 1.0 / (1.0 + (d2 / 60.0) ** 2)
