@@ -16,6 +16,8 @@ use std::hint::black_box;
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Describe, Timings};
 use cfreg::moments::{Described, FullConnection, naive};
+use cfreg::pose::{self, ScaleEstimate, Solver};
+use cfreg::quality::truth_error;
 use cfreg::weight::{Gaussian, Normalization, WeightScheme};
 use cfreg::{Descriptors, par};
 
@@ -102,6 +104,11 @@ fn skipping(n: usize) {
             connection.scheme_moments_within(scheme, beta, normalization, tolerance).unwrap()
         };
         let dense = moments(0.0);
+        let pose = |moments| {
+            let solution = pose::solve(moments, Solver::Arun, ScaleEstimate::Fixed).unwrap();
+            solution.transform
+        };
+        let turned = truth_error(&pose(&moments(1e-3)), &pose(&dense), [0.0; 3]).rotation_deg;
         let times = [0.0, 1e-3, 1e-6].map(|tolerance| {
             let off = (moments(tolerance).weight / dense.weight - 1.0).abs();
             assert!(off <= tolerance + 1e-6, "{normalization} {tolerance:e}: {off:e}");
@@ -110,13 +117,14 @@ fn skipping(n: usize) {
         });
         let ratio = |k: usize| times[0].as_secs_f64() / times[k].as_secs_f64();
         println!(
-            "{n:>7} {:>13} {:>12.3?} {:>12.3?} {:>12.3?} {:>7.2}x {:>7.2}x",
+            "{n:>7} {:>13} {:>12.3?} {:>12.3?} {:>12.3?} {:>7.2}x {:>7.2}x {:>12.1e}",
             normalization.to_string(),
             times[0],
             times[1],
             times[2],
             ratio(1),
-            ratio(2)
+            ratio(2),
+            turned
         );
     }
 }
@@ -124,8 +132,8 @@ fn skipping(n: usize) {
 fn main() {
     check();
     println!(
-        "{:>7} {:>13} {:>12} {:>12} {:>12} {:>8} {:>8}",
-        "points", "normalisation", "dense", "within 1e-3", "1e-6", "ratio", "ratio"
+        "{:>7} {:>13} {:>12} {:>12} {:>12} {:>8} {:>8} {:>12}",
+        "points", "normalisation", "dense", "within 1e-3", "1e-6", "ratio", "ratio", "turned, deg"
     );
     for n in [10_000, 30_000] {
         skipping(n);

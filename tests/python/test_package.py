@@ -99,7 +99,7 @@ class Types(unittest.TestCase):
 
     def test_the_package_is_typed_throughout(self):
         self.assertTrue((HERE / "py.typed").exists())
-        self.run_mypy("mypy", "--strict", str(HERE))
+        self.run_mypy("mypy", "--strict", "--package", "cfreg")
 
 
 class Importing(unittest.TestCase):
