@@ -52,7 +52,7 @@ impl Method {
             return Err(bad(rule));
         }
         config.insert(field.into(), value);
-        serde_json::from_value(Value::Object(config)).map_err(|error| bad(error.to_string()))
+        serde_json::from_value(Value::Object(config)).map_err(|error| bad(plain(error)))
     }
 }
 
@@ -88,6 +88,17 @@ fn scale(value: Value) -> Value {
         }),
         None => json!({ "neighborhood": { "nearest": value } }),
     }
+}
+
+/// What serde says of a value, without Rust's names for numbers.
+fn plain(error: serde_json::Error) -> String {
+    let said = error.to_string();
+    ["usize", "u32", "u64"]
+        .iter()
+        .fold(said, |said, kind| {
+            said.replace(&format!("expected {kind}"), "expected a whole number")
+        })
+        .replace("expected f64", "expected a number")
 }
 
 fn names(config: &Map<String, Value>) -> String {

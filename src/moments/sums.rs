@@ -1,6 +1,6 @@
 //! [`Moments`]: the sums, and what follows from them alone.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use crate::math::{self, Mat3, Vec3};
 /// With p̃ = p − [`source_origin`](Self::source_origin) and q̃ likewise: 18 numbers from
 /// which rotation, translation, scale and the residual of *any* pose follow, whatever
 /// made the weights, and Σw² for the effective number of connections.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Moments {
     /// What source points are relative to, near their centroid.
     pub source_origin: Vec3,

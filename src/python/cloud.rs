@@ -10,7 +10,7 @@ use pyo3::types::PyTuple;
 
 use super::arrays::{Table, as_array, interop, read_only, table};
 use super::doorway::released;
-use super::errors::{ShapeError, about, count, exception};
+use super::errors::{SettingError, ShapeError, about, count, exception};
 use crate::cloud::{Parts, PointCloud as Cloud, Transform};
 use crate::error::Error;
 use crate::math::Vec3;
@@ -65,8 +65,9 @@ impl PyCloud {
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         normals: Option<&Bound<'_, PyAny>>,
-        viewpoint: Option<Vec3>,
+        viewpoint: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let viewpoint = viewpoint.map(|at| place(at, "viewpoint")).transpose()?;
         let cloud = match AnyCloud::read(points, "points", normals, BadRows::Drop)? {
             AnyCloud::Made(cloud) => cloud,
             AnyCloud::Given(given) => {
@@ -148,7 +149,8 @@ impl PyCloud {
     /// count : how many, at least 1; the whole cloud where it has no more
     /// seed : the same seed draws the same points on every machine
     #[pyo3(signature = (count, seed=0))]
-    fn sample(&self, py: Python<'_>, count: i64, seed: u64) -> PyResult<Self> {
+    fn sample(&self, py: Python<'_>, count: i64, seed: i64) -> PyResult<Self> {
+        let seed = self::count("seed", seed)? as u64;
         let count = self::count("count", count)?;
         if count == 0 {
             return Err(exception(Error::config("count", 0, "must be at least 1")));
@@ -344,6 +346,12 @@ impl<'py> AnyCloud<'py> {
             AnyCloud::Made(cloud) => cloud,
         }
     }
+}
+
+/// Three numbers.
+pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
+    let refused = |_| SettingError::new_err(format!("{name} = {any}: must be three numbers"));
+    any.extract().map_err(refused)
 }
 
 /// A (4, 4) matrix, of any kind of number.

@@ -60,7 +60,11 @@ pub(super) fn exception(error: Error) -> PyErr {
     match error {
         // Three arguments make the subclass that belongs to the number: FileNotFoundError.
         Error::Io { path, source } => match source.raw_os_error() {
-            Some(number) => PyOSError::new_err((number, source.to_string(), path)),
+            Some(number) => {
+                let message = source.to_string();
+                let message = message.split(" (os error").next().unwrap_or_default().to_string();
+                PyOSError::new_err((number, message, path.display().to_string()))
+            }
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
         error => worded(&error, error.to_string()),

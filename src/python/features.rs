@@ -6,14 +6,13 @@ use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
 use super::arrays::{as_array, descriptors as table_for, interop, table};
-use super::cloud::{AnyCloud, BadRows};
+use super::cloud::{AnyCloud, BadRows, place};
 use super::doorway::released;
 use super::errors::{SettingError, about, count, exception};
 use crate::cloud::PointCloud;
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
-use crate::math::Vec3;
 use crate::method::Describe;
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
@@ -60,7 +59,7 @@ pub(super) fn estimate_normals<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
     neighbors: i64,
-    viewpoint: Option<Vec3>,
+    viewpoint: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<NormalsAndCurvature<'py>> {
     let describe = describe(neighbors, viewpoint)?;
     let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
@@ -177,7 +176,7 @@ pub(super) fn fpfh<'py>(
     points: &Bound<'py, PyAny>,
     neighbors: i64,
     scale: &str,
-    viewpoint: Option<Vec3>,
+    viewpoint: Option<&Bound<'py, PyAny>>,
     normals: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let mut describe = describe(neighbors, viewpoint)?;
@@ -185,7 +184,7 @@ pub(super) fn fpfh<'py>(
     if normals.is_some() {
         if let Some(at) = viewpoint {
             let rule = "orients estimated normals, but normals were given: leave one out";
-            return Err(exception(Error::config("viewpoint", format!("{at:?}"), rule)));
+            return Err(exception(Error::config("viewpoint", at, rule)));
         }
         describe.orientation = Orientation::Stored;
     }
@@ -199,13 +198,13 @@ pub(super) fn fpfh<'py>(
 }
 
 /// The crate's defaults with what was given.
-fn describe(neighbors: i64, viewpoint: Option<Vec3>) -> PyResult<Describe> {
+fn describe(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<Describe> {
     let mut describe = Describe {
         neighborhood: Neighborhood::Nearest(count("neighbors", neighbors)?),
         ..Describe::default()
     };
     if let Some(at) = viewpoint {
-        describe.orientation = Orientation::Towards(at);
+        describe.orientation = Orientation::Towards(place(at, "viewpoint")?);
     }
     Ok(describe)
 }

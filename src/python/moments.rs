@@ -4,11 +4,13 @@ use numpy::prelude::*;
 use numpy::{PyArray1, PyArray2, dtype};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use super::arrays::{as_array, descriptors, read_only, table};
 use super::cloud::{AnyCloud, BadRows, pose};
 use super::doorway::released;
 use super::errors::{SettingError, ShapeError, about, count, exception};
+use super::registration::to_json;
 use super::weights::Weights;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::error::{Error, Result};
@@ -31,7 +33,8 @@ use crate::weight::{Bandwidth, Normalization};
 /// source_squares, target_squares : sums of w |p'|^2 and of w |q'|^2
 /// source_origin, target_origin : (3,) float64
 /// effective_connections : weight^2 / weight_squared, from 1 to the number of pairs
-#[pyclass(frozen, module = "cfreg")]
+#[pyclass(frozen, module = "cfreg", eq)]
+#[derive(PartialEq)]
 pub(super) struct Moments(Sums);
 
 #[pymethods]
@@ -92,6 +95,18 @@ impl Moments {
     /// ValueError where it is no such matrix.
     fn residual(&self, transform: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(self.0.residual(&pose(transform, "transform")?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let state = (to_json(&slf.get().0)?,);
+        (slf.get_type().getattr("_from_json")?, state).into_pyobject(slf.py())
+    }
+
+    /// Moments from their pickle.
+    #[staticmethod]
+    fn _from_json(json: &str) -> PyResult<Self> {
+        let refused = |error| SettingError::new_err(format!("json: {error}"));
+        serde_json::from_str(json).map(Moments).map_err(refused)
     }
 
     fn __repr__(&self) -> String {

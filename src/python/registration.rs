@@ -146,6 +146,6 @@ pub(super) fn evaluate(
     to_json(&judgement)
 }
 
-fn to_json(value: &impl Serialize) -> PyResult<String> {
+pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }

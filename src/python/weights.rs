@@ -6,6 +6,7 @@ use numpy::prelude::*;
 use numpy::{PyArray1, PyArray2, dtype};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyType;
 
 use super::arrays::table;
 use super::errors::{SettingError, ShapeError, about, exception};
@@ -34,6 +35,11 @@ impl Weights {
     pub(super) fn read(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Self> {
         if let Ok(text) = any.extract::<String>() {
             return text.parse().map(Weights::Named).map_err(|error| about(name, error));
+        }
+        if let Ok(class) = any.cast::<PyType>() {
+            let class = class.name()?;
+            let rule = "is a class: make a kernel of it first";
+            return Err(PyTypeError::new_err(format!("{name}: {class} {rule}, {class}(...)")));
         }
         if let Some(json) = any.getattr_opt("_json")?
             && let Some(json) = json.call0()?.extract::<Option<String>>()?
@@ -94,8 +100,15 @@ impl Function {
     fn call(&self, py: Python<'_>, d2: &mut [f32], width: usize) -> PyResult<()> {
         let given = table(py, width, d2.to_vec());
         let found = self.function.call1(py, (&given,))?;
-        let found =
-            py.import("numpy")?.call_method1("ascontiguousarray", (found, dtype::<f32>(py)))?;
+        // Masks and whole numbers are weights, complex numbers are not.
+        let found = py.import("numpy")?.call_method1("asarray", (found,))?;
+        let refused = |_| {
+            let found = found.getattr("dtype").map_or_else(|_| found.clone(), |dtype| dtype);
+            let rule = "must be real numbers";
+            PyTypeError::new_err(format!("weights: the function returned {found}: weights {rule}"))
+        };
+        let arguments = (dtype::<f32>(py), "C", "same_kind");
+        let found = found.call_method1("astype", arguments).map_err(refused)?;
         let (shape, own) = (given.getattr("shape")?, found.getattr("shape")?);
         if !own.eq(&shape)? {
             return Err(ShapeError::new_err(format!(

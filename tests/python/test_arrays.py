@@ -158,8 +158,10 @@ class Cloud(unittest.TestCase):
                 again = cfreg.read(str(path))
                 np.testing.assert_array_equal(again.points, cloud.points)
                 np.testing.assert_allclose(again.normals, cloud.normals, atol=1e-6)
-            with self.assertRaises(FileNotFoundError):
+            with self.assertRaises(FileNotFoundError) as caught:
                 cfreg.read(Path(folder, "absent.ply"))
+            self.assertEqual(caught.exception.filename, str(Path(folder, "absent.ply")))
+            self.assertEqual(caught.exception.strerror, "No such file or directory")
             with self.assertRaisesRegex(cfreg.SettingError, "extension"):
                 cfreg.write(Path(folder, "a.obj"), cloud)
             Path(folder, "lie.ply").write_text("ply\nformat ascii 1.0\nelement vertex 9\nend_header\n")
@@ -183,6 +185,9 @@ class Cloud(unittest.TestCase):
             "transform": lambda: cloud.transformed(2.0 * np.diag([1, 2, 1, 1])),
             "transform: must be a": lambda: cloud.transformed(np.eye(3)),
             "viewpoint": lambda: cfreg.PointCloud(self.points, viewpoint=(0, np.nan, 0)),
+            r"viewpoint = \(1, 2\)": lambda: cfreg.PointCloud(self.points, viewpoint=(1, 2)),
+            "viewpoint = up": lambda: cfreg.fpfh(self.points, viewpoint="up"),
+            "seed = -1": lambda: cloud.sample(5, seed=-1),
             "normals": lambda: cfreg.PointCloud(self.points, self.normals[1:]),
             "points: coordinates span": lambda: cfreg.PointCloud(self.points * 1e20),
         }.items():
@@ -228,6 +233,8 @@ class Interop(unittest.TestCase):
             moved = self.found.apply(self.points.astype(dtype))
             self.assertEqual(moved.dtype, dtype)
             np.testing.assert_allclose(moved, self.moved, atol=1e-6)
+        whole = self.found.apply(np.array([[1, 2, 3]]))
+        np.testing.assert_allclose(whole, self.found.apply(np.array([[1.0, 2.0, 3.0]])))
 
     @unittest.skipUnless(open3d, "Open3D is not installed")
     def test_open3d(self):

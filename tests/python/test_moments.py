@@ -1,5 +1,6 @@
 """Moments of the full connection, and the closed forms."""
 
+import pickle
 import unittest
 
 import cfreg
@@ -44,6 +45,12 @@ class Moments(unittest.TestCase):
         self.assertEqual(self.moments.cross.shape, (3, 3))
         for name in ("source_sum", "target_sum", "source_origin", "target_origin"):
             self.assertFalse(getattr(self.moments, name).flags.writeable)
+
+    def test_pickles_are_the_same_bits(self):
+        again = pickle.loads(pickle.dumps(self.moments))
+        self.assertEqual(again, self.moments)
+        np.testing.assert_array_equal(again.cross, self.moments.cross)
+        self.assertNotEqual(self.weigh(beta=2.0), self.moments)
 
     def test_every_solver_finds_the_pose_and_its_residual(self):
         for solver in ("arun", "horn-quaternion", "horn-matrix", "walker"):

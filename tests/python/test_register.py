@@ -78,6 +78,11 @@ class Registering(unittest.TestCase):
         for wrong in ("cf", cfreg.CF(), ["icp", "cfk"]):
             with self.assertRaisesRegex(cfreg.SettingError, "^refine = cfk?: "):
                 cfreg.register(self.source, self.target, refine=wrong)
+        plain = cfreg.register(self.source, self.target, refine=None)
+        self.assertIsNone(plain.refined_from)
+        for wrong in (3, [None], cfreg.ICP):
+            with self.assertRaisesRegex(TypeError, "^refine: a method or its name"):
+                cfreg.register(self.source, self.target, refine=wrong)
         with self.assertRaisesRegex(cfreg.SettingError, "^method = icq"):
             cfreg.register(self.source, self.target, refine="icq")
 
@@ -233,8 +238,9 @@ class Settings(unittest.TestCase):
                 call()
         with self.assertRaises(TypeError):
             cfreg.CF(sigma=1)
-        with self.assertRaisesRegex(TypeError, "a method or its name"):
-            register(3)
+        for wrong, shown in ((3, "3"), (None, "None"), (cfreg.CF, "the class CF")):
+            with self.assertRaisesRegex(TypeError, f"^method: a method or its name is needed, not {shown}"):
+                register(wrong)
 
 
 if __name__ == "__main__":

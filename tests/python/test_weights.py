@@ -145,8 +145,14 @@ class Weighing(unittest.TestCase):
         ):
             with self.assertRaisesRegex(ValueError, f"^weights: .*{error}"):
                 self.weigh(wrong)
-        with self.assertRaisesRegex(TypeError, "^weights must be"):
-            self.weigh(3)
+        for wrong, error in (
+            (3, "^weights must be"),
+            (w.Gaussian, r"^weights: Gaussian is a class: .*Gaussian\(...\)"),
+            (lambda d2: d2 + 1j, "^weights: the function returned complex64"),
+            (lambda d2: None, "^weights: the function returned object"),
+        ):
+            with self.assertRaisesRegex(TypeError, error):
+                self.weigh(wrong)
 
     def test_a_function_may_call_on_the_package_itself(self):
         """From every thread at once, each of which then waits."""

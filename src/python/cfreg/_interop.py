@@ -69,7 +69,7 @@ def moved(cloud: Any, transform: Any) -> Any:
     points, _ = parts(cloud, "cloud")
     rows = points @ transform[:3, :3].T + transform[:3, 3]
     if isinstance(cloud, np.ndarray):
-        return rows.astype(points.dtype)
+        return rows.astype(points.dtype) if points.dtype.kind == "f" else rows
     return type(cloud)(rows)  # small_gicp
 
 

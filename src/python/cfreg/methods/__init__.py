@@ -70,7 +70,8 @@ def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
     if isinstance(given, str):
         return method(given, **settings)
     if not isinstance(given, Method):
-        raise TypeError(f"a method or its name is needed, not {type(given).__name__}")
+        shown = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
+        raise TypeError(f"method: a method or its name is needed, not {shown}")
     for setting, value in settings.items():
         rule = "the method was made already: give it there, or name the method"
         raise _native.SettingError(f"{setting} = {value!r}: {rule}")

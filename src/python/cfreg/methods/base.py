@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Union
 
@@ -15,7 +15,7 @@ from ..results import Registration
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-Refinements = Union[str, "Method", Iterable[Union[str, "Method"]]]
+Refinements = Union[None, str, "Method", Sequence[Union[str, "Method"]]]
 """Methods that start from a pose, by name or made."""
 
 
@@ -56,9 +56,11 @@ class Method:
     def _register(
         self, source: Any, target: Any, refine: Refinements, **others: Any
     ) -> Registration:
-        if isinstance(refine, (str, Method)):
+        if refine is None:
+            refine = ()
+        if isinstance(refine, (str, Method)) or not isinstance(refine, Sequence):
             refine = [refine]
-        refinements = [(one, "{}") if isinstance(one, str) else one._named() for one in refine]
+        refinements = [_refinement(one) for one in refine]
         found = _native.register(source, target, self._named(), refinements, **others)
         return Registration(json.loads(found))
 
@@ -67,6 +69,15 @@ class Method:
         fields = ((field, getattr(self, field.name)) for field in dataclasses.fields(self))
         given = [f"{field.name}={value!r}" for field, value in fields if value != field.default]
         return f"{type(self).__name__}({', '.join(given)})"
+
+
+def _refinement(given: Any) -> tuple[str, str]:
+    """Name and settings of a method, given one or its name."""
+    if isinstance(given, str):
+        return given, "{}"
+    if not isinstance(given, Method):
+        raise TypeError(f"refine: a method or its name is needed, not {given!r}")
+    return given._named()
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
