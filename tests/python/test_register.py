@@ -187,6 +187,10 @@ class Settings(unittest.TestCase):
         self.assertEqual(cfreg.KC(sigma=np.float32(0.5)).settings()["sigma"], 0.5)
         at = cfreg.CF(orientation=np.array([0.0, 1.0, 2.0])).settings()["orientation"]
         self.assertEqual(at, {"towards": [0.0, 1.0, 2.0]})
+        one, other = (
+            cfreg.CF(orientation=kind([0.0, 1.0, 2.0]), more_neighbors=kind([200, 400])) for kind in (np.array, list)
+        )
+        self.assertEqual((one, hash(one)), (other, hash(other)))
 
     def test_values_are_refused_when_the_method_is_made(self):
         for name, settings in {

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Union
 
+import numpy as np
 
 from .. import _interop, _native
 from ..results import Registration
@@ -119,6 +120,14 @@ class Describing(Method):
     more_neighbors: Sequence[int | str] = ()
     orientation: str | Sequence[float] = "viewpoint"
     histogram: str = "pcl"
+
+    def __post_init__(self) -> None:
+        # Tuples compare, and cannot be changed later.
+        for name in ("more_neighbors", "orientation"):
+            value = getattr(self, name)
+            if isinstance(value, (list, np.ndarray)):
+                object.__setattr__(self, name, tuple(value if isinstance(value, list) else value.tolist()))
+        super().__post_init__()
 
     def _given(self) -> dict[str, Any]:
         given = super()._given()
