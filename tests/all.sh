@@ -25,7 +25,7 @@ source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)
 
-step "the Python module, and the three side by side: module, reference, Open3D"
+step "the Python package, and beside it 50 digits, the reference and Open3D"
 # The profile of the tests: their dependencies are compiled once for both.
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
 "$python" -m unittest discover tests/python
