@@ -4,29 +4,65 @@
 
 Without files it takes two scans of the Stanford bunny, seen 45 degrees apart (of CFREG_DATA,
 else ../shared/data beside the repository), or draws two reliefs where there are none. The
-folder gets aligned.ply, aligned.png, weights.csv and weights.png.
+folder gets aligned.ply, aligned.png, kernels.png, weights.csv and weights.png.
 
 What is not here: a voxel size, a search radius, a distance threshold. `tutorial_open3d.py`
-does the same with Open3D's API, and has to choose them.
+does the same with Open3D's API, and has to choose them; its answer has no verdict.
 """
 
 import argparse
 import csv
-import time
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import cfreg
-import matplotlib.pyplot as plt
 import numpy as np
-from cfreg.weights import BOTH, NONE, Cauchy, Gaussian, Tukey
+from cfreg.weights import (
+    BOTH,
+    NONE,
+    SOURCE,
+    TARGET,
+    Cauchy,
+    Gaussian,
+    GemanMcClure,
+    Laplacian,
+    StudentT,
+    Truncated,
+    Tukey,
+    Uniform,
+    sinkhorn,
+)
 
 import scans
+import tutorial_pictures as pictures
 
-BLUE, ORANGE = "#2f6f9f", "#e07b39"
+COLUMNS = ("effective connections", "agreement", "trusted", "rotation off, deg", "seconds")
+
+
+def steep(d2):
+    """A weight of one's own: any function of the squared distances."""
+    return 1.0 / (1.0 + (d2 / 60.0) ** 2)
+
+
+SCHEMES = (
+    (Uniform(), NONE),  # the control: every pair alike, so that the descriptors say nothing
+    (Gaussian(100), NONE),  # the paper's
+    (Gaussian(30), NONE),
+    (Gaussian("auto"), NONE),
+    (Laplacian(30), NONE),
+    (Cauchy(30), NONE),
+    (GemanMcClure(30), NONE),
+    (StudentT(30, nu=3), NONE),
+    (Truncated(30), NONE),
+    (Tukey(100), NONE),
+    (Gaussian(30) * Tukey(200), NONE),
+    (0.9 * Gaussian(20) + 0.1 * Cauchy(100), NONE),
+    (steep, NONE),
+    (steep, SOURCE),  # every source point speaks with one voice
+    (steep, TARGET),
+    (steep, BOTH),  # dual softmax: what both sides prefer
+    (steep, sinkhorn(10)),
+    (Gaussian("auto"), BOTH),
+)
 
 
 def main():
@@ -55,92 +91,46 @@ def main():
 
     # 4. Use the pose: on the whole cloud, in files, in pictures.
     cfreg.write(folder / "aligned.ply", best.apply(source))
-    draw_clouds(source, target, best, folder / "aligned.png")
+    pictures.clouds(source, target, best, folder / "aligned.png")
 
-    # 5. Try weights. The descriptors stay, only W changes: moments, then a closed form.
-    rows = table_of_weights(a, b, best.transform if truth is None else truth)
+    # 5. Take it apart. `register` describes every point, weighs every pair by how alike its two
+    # descriptors are, sums, and solves once. Each stage takes what one brings instead.
+    features = [cfreg.fpfh(cloud) for cloud in (a, b)]
+    moments = cfreg.moments(a, b, *features, weights=Gaussian(100))
+    by_hand = cfreg.solve(moments)
+    pairs = f"{moments.effective_connections:,.0f} of {len(a) * len(b):,} pairs count"
+    print(f"by hand the pose differs by {abs(by_hand - plain.transform).max():.0e}; {pairs}\n")
+
+    # 6. Try weights: how far is the pose off the true one, or else off the refined one?
+    right = best.transform if truth is None else truth
+    drawn = (Gaussian(100), Laplacian(100), Cauchy(100), StudentT(100, nu=3), Tukey(400), steep)
+    pictures.kernels(drawn, a, b, features, right, folder / "kernels.png")
+    rows = [row(a, b, weights, normalize, right) for weights, normalize in SCHEMES]
     print_table(rows)
     with open(folder / "weights.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    draw_table(rows, folder / "weights.png", "the refined pose" if truth is None else "the truth")
-    print(f"\nwrote aligned.ply, aligned.png, weights.csv and weights.png to {folder}")
+    pictures.table(rows, folder / "weights.png", "the refined pose" if truth is None else "the truth")
+    print(f"\nwrote aligned.ply, three pictures and weights.csv to {folder}")
 
 
-def table_of_weights(source, target, truth):
-    """One row a scheme: how far its pose is from `truth`, and on how many pairs it rests."""
-
-    def steep(d2):
-        """A weight of one's own: any function of the squared distances."""
-        return 1.0 / (1.0 + (d2 / 60.0) ** 2)
-
-    schemes = [
-        ("gaussian", NONE),  # the paper's, with beta = 100
-        (Gaussian(30), NONE),
-        (Gaussian("auto"), NONE),
-        (Cauchy(30), NONE),
-        (Gaussian(30) * Tukey(200), NONE),
-        (0.9 * Gaussian(20) + 0.1 * Cauchy(100), NONE),
-        (steep, NONE),
-        ("gaussian", BOTH),  # dual softmax: what both sides prefer
-        (Gaussian("auto"), BOTH),
-        (steep, BOTH),
-    ]
-    features = [cfreg.fpfh(cloud) for cloud in (source, target)]
-    rows = []
-    for weights, normalize in schemes:
-        begun = time.perf_counter()
-        moments = cfreg.moments(source, target, *features, weights=weights, normalize=normalize)
-        pose = cfreg.solve(moments)
-        seconds = time.perf_counter() - begun
-        judged = cfreg.evaluate(source, target, pose, truth=truth)
-        rows.append(
-            {
-                "weights": getattr(weights, "__name__", str(weights)),
-                "normalize": normalize,
-                "effective connections": round(moments.effective_connections),
-                "agreement": round(judged.agreement, 3),
-                "rotation off, deg": round(judged.truth.rotation_deg, 2),
-                "seconds": round(seconds, 3),
-            }
-        )
-    return rows
-
-
-def draw_clouds(source, target, found, path):
-    """Before and after, as the target's sensor sees it, and from above."""
-    figure, axes = plt.subplots(2, 2, figsize=(9, 8), layout="constrained")
-    verdict = "trusted" if found.trusted else "not to be trusted"
-    pictures = (("as they are", source), (f"{found.method}: {verdict}", found.apply(source)))
-    for column, (title, moved) in zip(axes.T, pictures):
-        for axis, (x, y) in zip(column, ((0, 1), (0, 2))):
-            for cloud, colour in ((target, BLUE), (moved, ORANGE)):
-                points = cloud.sample(8000).points
-                axis.scatter(points[:, x], points[:, y], s=0.6, color=colour, linewidths=0)
-            axis.set(aspect="equal", xlabel="xyz"[x], ylabel="xyz"[y])
-            axis.locator_params(nbins=5)
-        column[0].set_title(title)
-    names, marks = ["target", "source"], axes[0, 0].collections
-    figure.legend(marks, names, markerscale=10, ncols=2, frameon=False, loc="outside upper center")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-
-
-def draw_table(rows, path, against):
-    """How far each scheme's pose is off, dual softmax in another colour."""
-    figure, axis = plt.subplots(figsize=(9, 4.5), layout="constrained")
-    names = [f"{row['weights']}, {row['normalize']}" for row in rows]
-    off = [row["rotation off, deg"] for row in rows]
-    colours = [ORANGE if row["normalize"] == BOTH else BLUE for row in rows]
-    bars = axis.barh(names, off, color=colours)
-    axis.bar_label(bars, fmt="%.1f", padding=3)
-    axis.invert_yaxis()
-    axis.margins(x=0.1)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.set(xlabel=f"rotation off {against}, degrees", title="One step, other weights")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+def row(source, target, weights, normalize, right):
+    """What one step finds with these weights, and on how many pairs it rests."""
+    scheme = {"weights": getattr(weights, "__name__", str(weights)), "normalize": normalize}
+    try:
+        found = cfreg.register(source, target, weights=weights, normalize=normalize)
+    except cfreg.RegistrationError as error:  # such as weights that are all alike
+        return scheme | dict.fromkeys(COLUMNS, "") | {"trusted": type(error).__name__}
+    error = cfreg.evaluate(source, target, found.transform, truth=right).truth
+    values = (
+        round(found.effective_connections),
+        round(found.evaluation.agreement, 3),
+        found.trusted,
+        round(error.rotation_deg, 2),
+        round(found.seconds["total"], 3),
+    )
+    return scheme | dict(zip(COLUMNS, values))
 
 
 def print_table(rows):
@@ -151,7 +141,7 @@ def print_table(rows):
 
 def files(options, folder):
     """Paths of source and target, and the true pose if it is known."""
-    if options.source and options.target:
+    if options.source:
         truth = None if options.truth is None else np.loadtxt(options.truth)
         return options.source, options.target, truth
     data = scans.data_folder()
@@ -180,7 +170,10 @@ def arguments():
     parser.add_argument("--truth", help="true pose, 4 lines of 4 numbers")
     parser.add_argument("--output", default="tutorial", help="folder for what is made")
     parser.add_argument("--points", type=int, default=4000, help="of each cloud that are registered")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.source and not options.target:
+        parser.error("a SOURCE needs its TARGET")
+    return options
 
 
 if __name__ == "__main__":

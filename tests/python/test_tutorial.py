@@ -32,6 +32,7 @@ class Tutorial(unittest.TestCase):
     def shows_something(self, name):
         import matplotlib.image
 
+        self.assertEqual((self.folder / name).read_bytes()[:4], b"\x89PNG")
         picture = matplotlib.image.imread(self.folder / name)
         colours = np.unique(picture.reshape(-1, picture.shape[2]), axis=0)
         self.assertGreater(len(colours), 10, name)
@@ -41,16 +42,20 @@ class Tutorial(unittest.TestCase):
         self.assertIn("two reliefs instead", told)
         self.assertIn("trusted", told)
         off = float(told.split("off by ")[1].split()[0])
-        self.assertLess(off, 1.0)
-        for name in ("aligned.png", "weights.png"):
+        self.assertLess(off, 0.2)
+        for name in ("aligned.png", "kernels.png", "weights.png"):
             self.shows_something(name)
         with open(self.folder / "weights.csv") as file:
             rows = list(csv.DictReader(file))
-        self.assertEqual(len(rows), 10)
-        self.assertEqual({row["normalize"] for row in rows}, {"none", "both"})
-        for row in rows:
+        self.assertEqual(len(rows), 18)
+        self.assertEqual({row["normalize"] for row in rows}, {"none", "source", "target", "both", "sinkhorn:10"})
+        # Weights that are all alike determine no rotation.
+        self.assertEqual((rows[0]["weights"], rows[0]["trusted"]), ("Uniform()", "DegenerateError"))
+        for row in rows[1:]:
             self.assertLess(float(row["rotation off, deg"]), 10.0, row["weights"])
+            self.assertEqual(row["trusted"], "True", row["weights"])
             self.assertIn(row["weights"], told)
+        self.assertIn("by hand the pose differs by 0e+00", told)
         target = cfreg.read(self.folder / "target.pcd")
         aligned = cfreg.read(self.folder / "aligned.ply")
         self.assertGreater(cfreg.evaluate(aligned, target, np.eye(4)).agreement, 0.8)
@@ -63,6 +68,13 @@ class Tutorial(unittest.TestCase):
         files = [self.folder / "a.ply", self.folder / "b.ply"]
         self.assertIn("off by 0.00 deg", self.run_it(*files, "--truth", self.folder / "T.txt"))
         self.assertNotIn("off by", self.run_it(*files))
+
+    def test_one_file_is_not_enough(self):
+        program = [sys.executable, HERE / "tutorial.py", "a.ply", "--output", self.folder / "none"]
+        done = subprocess.run(program, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("a SOURCE needs its TARGET", done.stderr)
+        self.assertFalse((self.folder / "none").exists())
 
 
 if __name__ == "__main__":
