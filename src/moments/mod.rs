@@ -19,5 +19,6 @@ mod sums;
 mod tile;
 
 pub use connection::{Described, FullConnection, check_tolerance};
+pub(crate) use pairs::check_indices;
 pub use pairs::{WeightedPair, of_pairs};
 pub use sums::{Centered, Moments};

@@ -38,15 +38,8 @@ pub fn of_pairs(
     target: &PointCloud,
     pairs: &[WeightedPair],
 ) -> Result<Moments> {
-    for (cloud, what, index) in [
-        (source, "source point of a pair", pairs.iter().map(|p| p.source).max()),
-        (target, "target point of a pair", pairs.iter().map(|p| p.target).max()),
-    ] {
-        if let Some(index) = index.filter(|&i| i as usize >= cloud.len()) {
-            let (expected, found) = (cloud.len(), index as usize);
-            return Err(Error::Shape { what: what.into(), expected, found });
-        }
-    }
+    check_indices(source, "source", pairs.iter().map(|pair| pair.source))?;
+    check_indices(target, "target", pairs.iter().map(|pair| pair.target))?;
     let start = Moments::about(source.centroid(), target.centroid());
     // Local numbers: the origins of cloud and sums differ by a part of the cloud's size.
     let shift_p = math::sub(source.origin(), start.source_origin);
@@ -72,6 +65,21 @@ pub fn of_pairs(
     });
     moments.centered()?;
     Ok(moments)
+}
+
+/// Refuses an index of a pair beyond its cloud, the `side` of the pairs.
+pub(crate) fn check_indices(
+    cloud: &PointCloud,
+    side: &str,
+    mut indices: impl Iterator<Item = u32>,
+) -> Result<()> {
+    match indices.find(|&index| index as usize >= cloud.len()) {
+        Some(index) => {
+            let what = format!("points of the {side}, for a pair with its point {index}");
+            Err(Error::Shape { what, expected: index as usize + 1, found: cloud.len() })
+        }
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ use crate::{filter, io, search};
 /// ------
 /// TypeError : what is no such array
 /// ShapeError : not (N, 3), or not one normal a point
-/// ValueError : coordinates that span more than 1e15 or less than 1e-15
+/// ExtentError : coordinates that span more than 1e15 or less than 1e-15
 ///
 /// Examples
 /// --------
@@ -332,6 +332,12 @@ impl<'py> AnyCloud<'py> {
             normals.check_finite(py, "normals")?;
         }
         let (points, normals) = (points.triples(py)?, normals.triples(py)?);
+        if points.len() != normals.len() {
+            let (expected, found) = (points.len(), normals.len());
+            return Err(ShapeError::new_err(format!(
+                "normals: expected {expected} rows, as {name} has, found {found}"
+            )));
+        }
         let cloud = py.detach(|| Cloud::with_normals(&points, &normals));
         let cloud = cloud.map_err(|error| about("normals", error))?;
         let viewpoint = any.cast::<PyCloud>().ok().and_then(|given| given.get().cloud.viewpoint());
@@ -360,7 +366,9 @@ pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
         let cause = error.value(any.py()).to_string();
         ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers: {cause}"))
     };
-    let matrix = any.extract::<[[f64; 4]; 4]>().map_err(refused)?;
+    // A registration stands for its pose.
+    let matrix = any.getattr_opt("transform")?.unwrap_or_else(|| any.clone());
+    let matrix = matrix.extract::<[[f64; 4]; 4]>().map_err(refused)?;
     Transform::from_matrix(matrix).map_err(|error| about(name, error))
 }
 
@@ -400,8 +408,8 @@ pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
 /// Parameters
 /// ----------
 /// path : str or path
-/// cloud : whatever PointCloud takes; normals are written where there are any. Only .pcd
-///     keeps a viewpoint
+/// cloud : whatever PointCloud takes; rows that are not finite are left out, normals written
+///     where there are any. Only .pcd keeps a viewpoint
 ///
 /// Raises
 /// ------

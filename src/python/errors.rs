@@ -3,14 +3,10 @@
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::Error;
+use crate::error::Error as Failure;
 
-pyo3::create_exception!(
-    cfreg,
-    RegistrationError,
-    PyValueError,
-    "The clouds do not determine an answer."
-);
+pyo3::create_exception!(cfreg, Error, PyValueError, "What all errors of cfreg's own are.");
+pyo3::create_exception!(cfreg, RegistrationError, Error, "The clouds do not determine an answer.");
 pyo3::create_exception!(
     cfreg,
     TooFewPointsError,
@@ -33,33 +29,34 @@ pyo3::create_exception!(
 pyo3::create_exception!(
     cfreg,
     NonFiniteError,
-    PyValueError,
+    Error,
     "An argument that must be whole has a NaN or an infinity."
 );
 pyo3::create_exception!(
     cfreg,
     ShapeError,
-    PyValueError,
+    Error,
     "An array has another shape than it must, or two that do not fit each other."
 );
 pyo3::create_exception!(
     cfreg,
     SettingError,
-    PyValueError,
+    Error,
     "A setting is out of its range, unknown, or contradicts another."
 );
+pyo3::create_exception!(cfreg, FileFormatError, Error, "A file is not what it claims to be.");
 pyo3::create_exception!(
     cfreg,
-    FileFormatError,
-    PyValueError,
-    "A file is not what it claims to be."
+    ExtentError,
+    Error,
+    "Coordinates span more, or less, than can be computed with: stray points, or the unit."
 );
 
 /// The exception for `error`, with its message.
-pub(super) fn exception(error: Error) -> PyErr {
+pub(super) fn exception(error: Failure) -> PyErr {
     match error {
         // Three arguments make the subclass that belongs to the number: FileNotFoundError.
-        Error::Io { path, source } => match source.raw_os_error() {
+        Failure::Io { path, source } => match source.raw_os_error() {
             Some(number) => {
                 let message = source.to_string();
                 let message = message.split(" (os error").next().unwrap_or_default().to_string();
@@ -72,29 +69,30 @@ pub(super) fn exception(error: Error) -> PyErr {
 }
 
 /// The exception for an `error` about the argument of that name.
-pub(super) fn about(argument: &str, error: Error) -> PyErr {
+pub(super) fn about(argument: &str, error: Failure) -> PyErr {
     match &error {
         // Settings may have another name in the structs.
-        Error::Config { value, rule, .. } => {
+        Failure::Config { value, rule, .. } => {
             worded(&error, format!("{argument} = {value}: {rule}"))
         }
-        Error::NonFinite { index, .. } => non_finite(argument, *index),
+        Failure::NonFinite { index, .. } => non_finite(argument, *index),
         other => worded(other, format!("{argument}: {other}")),
     }
 }
 
 /// The class that belongs to `error`, with this message.
-fn worded(error: &Error, message: String) -> PyErr {
+fn worded(error: &Failure, message: String) -> PyErr {
     match error {
-        Error::TooFewPoints { .. } => TooFewPointsError::new_err(message),
-        Error::NoWeight => NoWeightError::new_err(message),
-        Error::Degenerate { .. } => DegenerateError::new_err(message),
-        Error::NonFinite { .. } => NonFiniteError::new_err(message),
-        Error::Shape { .. } => ShapeError::new_err(message),
-        Error::Config { .. } | Error::Setting { .. } => SettingError::new_err(message),
-        Error::Parse { .. } => FileFormatError::new_err(message),
-        Error::Interrupted => PyKeyboardInterrupt::new_err(message),
-        _ => PyValueError::new_err(message),
+        Failure::TooFewPoints { .. } => TooFewPointsError::new_err(message),
+        Failure::NoWeight => NoWeightError::new_err(message),
+        Failure::Degenerate { .. } => DegenerateError::new_err(message),
+        Failure::NonFinite { .. } => NonFiniteError::new_err(message),
+        Failure::Shape { .. } => ShapeError::new_err(message),
+        Failure::Config { .. } | Failure::Setting { .. } => SettingError::new_err(message),
+        Failure::Parse { .. } => FileFormatError::new_err(message),
+        Failure::Extent { .. } => ExtentError::new_err(message),
+        Failure::Interrupted => PyKeyboardInterrupt::new_err(message),
+        _ => Error::new_err(message),
     }
 }
 
@@ -107,6 +105,6 @@ pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
 
 /// A number of things that Python gave as an integer of any sign.
 pub(super) fn count(argument: &'static str, value: i64) -> PyResult<usize> {
-    let negative = |_| exception(Error::config(argument, value, "must not be negative"));
+    let negative = |_| exception(Failure::config(argument, value, "must not be negative"));
     usize::try_from(value).map_err(negative)
 }

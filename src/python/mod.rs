@@ -28,8 +28,8 @@ mod _native {
     use super::cloud::{PyCloud, read, write};
     #[pymodule_export]
     use super::errors::{
-        DegenerateError, FileFormatError, NoWeightError, NonFiniteError, RegistrationError,
-        SettingError, ShapeError, TooFewPointsError,
+        DegenerateError, Error, ExtentError, FileFormatError, NoWeightError, NonFiniteError,
+        RegistrationError, SettingError, ShapeError, TooFewPointsError,
     };
     #[pymodule_export]
     use super::features::{estimate_normals, fpfh, keypoints};

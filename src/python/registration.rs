@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 
 use super::cloud::{AnyCloud, BadRows, pose};
 use super::doorway::released;
-use super::errors::{SettingError, exception};
+use super::errors::{SettingError, about, exception};
 use super::moments::index_pairs;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{PointCloud, Transform};
@@ -44,8 +44,9 @@ pub(super) fn register(
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let first = read_method(&method)?;
-    let refinements = refinements.iter().map(read_method).collect::<PyResult<_>>()?;
+    let first = method_of("method", &method)?;
+    let refinements = refinements.iter().map(|named| method_of("refine", named));
+    let refinements = refinements.collect::<PyResult<_>>()?;
     let weights = match weights.map(|weights| Weights::read(weights, "weights")).transpose()? {
         Some(Weights::Own(own)) => Some((own, normalize.parse().map_err(exception)?)),
         Some(Weights::Named(_)) | None => None,
@@ -100,14 +101,14 @@ fn begin(
 /// Every setting of a method, as JSON.
 #[pyfunction]
 pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
-    let method = read_method(&(name, settings))?;
+    let method = method_of("method", &(name, settings))?;
     method.validate().map_err(exception)?;
     to_json(&method)
 }
 
-/// The method of that name with these settings.
-fn read_method((name, settings): &Named) -> PyResult<Method> {
-    let method: Method = name.parse().map_err(exception)?;
+/// The method of that name with these settings, given as `argument`.
+fn method_of(argument: &str, (name, settings): &Named) -> PyResult<Method> {
+    let method: Method = name.parse().map_err(|error| about(argument, error))?;
     let settings: Map<String, Value> = serde_json::from_str(settings)
         .map_err(|error| SettingError::new_err(format!("settings of {name}: {error}")))?;
     let settings = settings.iter().map(|(name, value)| (name.as_str(), value.clone()));

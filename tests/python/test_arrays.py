@@ -189,6 +189,9 @@ class Cloud(unittest.TestCase):
             "viewpoint = up": lambda: cfreg.fpfh(self.points, viewpoint="up"),
             "seed = -1": lambda: cloud.sample(5, seed=-1),
             "normals": lambda: cfreg.PointCloud(self.points, self.normals[1:]),
+            "normals: expected 300 rows, as points has, found 299": lambda: cfreg.PointCloud(
+                self.points, self.normals[1:]
+            ),
             "points: coordinates span": lambda: cfreg.PointCloud(self.points * 1e20),
         }.items():
             with self.subTest(name), self.assertRaisesRegex(ValueError, f"^{name}"):
@@ -233,6 +236,9 @@ class Interop(unittest.TestCase):
             moved = self.found.apply(self.points.astype(dtype))
             self.assertEqual(moved.dtype, dtype)
             np.testing.assert_allclose(moved, self.moved, atol=1e-6)
+        for wrong in (self.points[:, :2], self.points[0]):
+            with self.assertRaisesRegex(cfreg.ShapeError, "^cloud: expected shape"):
+                self.found.apply(wrong)
         whole = self.found.apply(np.array([[1, 2, 3]]))
         np.testing.assert_allclose(whole, self.found.apply(np.array([[1.0, 2.0, 3.0]])))
 

@@ -131,7 +131,7 @@ class Moments(unittest.TestCase):
         for argument, call in {
             "pairs: expected shape": lambda: cfreg.moments_of_pairs(self.points, self.moved, pairs[0]),
             "pairs: -1": lambda: cfreg.moments_of_pairs(self.points, self.moved, pairs - 1),
-            "target point of a pair": lambda: cfreg.moments_of_pairs(self.points, self.moved[:9], pairs),
+            "points of the target, for a pair with its point 9: expected 10, found 9": lambda: cfreg.moments_of_pairs(self.points, self.moved[:9], pairs),
             "weights: expected 300": lambda: cfreg.moments_of_pairs(
                 self.points, self.moved, pairs, weights[1:]
             ),

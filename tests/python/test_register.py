@@ -63,7 +63,7 @@ class Registering(unittest.TestCase):
         ):
             np.testing.assert_allclose(found.transform, truth, atol=1e-4)
             self.assertEqual(found.connections, 200)
-        with self.assertRaisesRegex(cfreg.ShapeError, "source point of a match"):
+        with self.assertRaisesRegex(cfreg.ShapeError, "points of the source, for a pair with its point 50: expected 51, found 50"):
             cfreg.TEASER().register(self.source[:50], target, matches=matches)
 
     def test_refinements_by_name_and_made(self):
@@ -83,7 +83,7 @@ class Registering(unittest.TestCase):
         for wrong in (3, [None], cfreg.ICP):
             with self.assertRaisesRegex(TypeError, "^refine: a method or its name"):
                 cfreg.register(self.source, self.target, refine=wrong)
-        with self.assertRaisesRegex(cfreg.SettingError, "^method = icq"):
+        with self.assertRaisesRegex(cfreg.SettingError, "^refine = icq"):
             cfreg.register(self.source, self.target, refine="icq")
 
     def test_what_cannot_be_solved_is_its_own_error(self):
@@ -97,6 +97,10 @@ class Registering(unittest.TestCase):
             cfreg.register(line, line)
         for error in (cfreg.TooFewPointsError, cfreg.DegenerateError, cfreg.NoWeightError):
             self.assertTrue(issubclass(error, cfreg.RegistrationError))
+        for name in cfreg.__all__:
+            if name.endswith("Error") and name not in ("Error", "TruthError"):
+                self.assertTrue(issubclass(getattr(cfreg, name), cfreg.Error), name)
+                self.assertTrue(issubclass(getattr(cfreg, name), ValueError), name)
 
     def test_threads_change_no_bit(self):
         poses = [cfreg.register(self.source, self.target, threads=n).transform for n in (1, 3, 0)]
@@ -168,6 +172,7 @@ class Settings(unittest.TestCase):
         self.assertGreater(found.beta, 0.0)
 
     def test_presets_can_be_altered(self):
+        self.assertIsNone(cfreg.CF.multiscale(weights=cfreg.weights.Gaussian("auto")).beta)
         sharp = cfreg.CF.multiscale(normalize="none")
         self.assertEqual((sharp.normalize, sharp.beta), ("none", "auto"))
         self.assertEqual(cfreg.method("gicp", max_iterations=7).settings()["max_iterations"], 7)

@@ -50,6 +50,18 @@ class Registration(unittest.TestCase):
             self.assertEqual(pickle.loads(pickle.dumps(found)), found)
         self.assertNotEqual(self.found, self.wrong)
 
+    def test_it_cannot_be_changed(self):
+        for name in ("trusted", "transform", "mine"):
+            with self.assertRaisesRegex(AttributeError, f"^{name}"):
+                setattr(self.found, name, True)
+
+    def test_the_same_again_is_equal_but_for_the_time(self):
+        points = terrain(200)
+        once, again = (cfreg.register(points, points, neighbors=40, refine="icp") for _ in range(2))
+        self.assertNotEqual(once.seconds, again.seconds)
+        self.assertEqual(once, again)
+        self.assertNotEqual(once, once.refined_from)
+
     def test_it_tells_itself(self):
         self.assertRegex(
             repr(self.found),
@@ -85,6 +97,7 @@ class Evaluation(unittest.TestCase):
         judged = cfreg.evaluate(source, target, found.transform, truth=truth)
         for name, value in vars(found.evaluation).items():
             self.assertEqual(getattr(judged, name), value)
+        self.assertEqual(cfreg.evaluate(source, target, found, truth=truth), judged)
         e = judged
         self.assertAlmostEqual(e.agreement, (e.fitness - e.chance) / (1.0 - e.chance))
         turn = found.rotation @ truth[:3, :3].T

@@ -64,14 +64,22 @@ class Kernels(unittest.TestCase):
             lambda: w.Gaussian("wide"),
             lambda: w.Gaussian("auto:0"),
             lambda: w.StudentT(1.0, nu=0.0),
+            lambda: w.sinkhorn(0),
+            lambda: w.sinkhorn(2.5),
             lambda: -1.0 * w.Uniform(),
             lambda: np.inf * w.Uniform(),
             nested,
         ):
             with self.assertRaises(cfreg.SettingError):
                 make()
-        with self.assertRaises(TypeError):
-            w.Gaussian(1.0) + "cauchy"
+        for wrong in (None, [1], True):
+            with self.assertRaisesRegex(TypeError, "^beta: a number or a word"):
+                w.Gaussian(wrong)
+        with self.assertRaisesRegex(cfreg.SettingError, '^beta = "wide": must be a number, auto'):
+            w.Gaussian("wide")
+        for wrong in ("cauchy", 1):
+            with self.assertRaisesRegex(TypeError, "^a kernel or a function is needed"):
+                w.Gaussian(1.0) + wrong
         with self.assertRaisesRegex(cfreg.SettingError, "beta = auto"):
             w.Gaussian("auto")([1.0])
 

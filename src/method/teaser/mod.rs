@@ -17,7 +17,7 @@ use super::{Method, Register};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::moments::FullConnection;
+use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::Doubt;
@@ -172,8 +172,8 @@ impl Teaser {
     ) -> Result<Registration> {
         par::with_threads(self.threads, || {
             self.validate()?;
-            check_indices(source, "source point of a match", pairs.iter().map(|pair| pair.0))?;
-            check_indices(target, "target point of a match", pairs.iter().map(|pair| pair.1))?;
+            check_indices(source, "source", pairs.iter().map(|pair| pair.0))?;
+            check_indices(target, "target", pairs.iter().map(|pair| pair.1))?;
             let (points, origins) = (
                 [source, target].map(PointCloud::points),
                 [source, target].map(PointCloud::origin),
@@ -312,13 +312,6 @@ impl Teaser {
 impl Register for Teaser {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         par::with_threads(self.threads, || self.run(source, target))?
-    }
-}
-
-fn check_indices(cloud: &PointCloud, what: &str, indices: impl Iterator<Item = u32>) -> Result<()> {
-    match indices.max().map(|index| index as usize).filter(|&index| index >= cloud.len()) {
-        Some(found) => Err(Error::Shape { what: what.into(), expected: cloud.len(), found }),
-        None => Ok(()),
     }
 }
 

@@ -18,14 +18,17 @@ strides, or clouds of Open3D, trimesh, pyvista and small_gicp. `source` is moved
 a pose is the 4x4 matrix T_target_source. Results are the same bits for any number of threads.
 No function holds the interpreter while it computes; Ctrl-C ends it.
 
-Errors: TypeError for what is no such array; ValueErrors that name the argument for the rest:
-ShapeError, NonFiniteError, SettingError, FileFormatError; RegistrationError where the clouds do
-not determine an answer: TooFewPointsError, NoWeightError, DegenerateError.
+Errors: TypeError for what is no such array; an Error, which is a ValueError, for the rest, naming
+the argument: ShapeError, NonFiniteError, SettingError, FileFormatError, ExtentError;
+RegistrationError where the clouds do not determine an answer: TooFewPointsError, NoWeightError,
+DegenerateError.
 """
 
 from . import weights
 from ._native import (
     DegenerateError,
+    Error,
+    ExtentError,
     FileFormatError,
     Moments,
     NonFiniteError,
@@ -55,7 +58,9 @@ __all__ = [
     "DARE",
     "DegenerateError",
     "Doubt",
+    "Error",
     "Evaluation",
+    "ExtentError",
     "FileFormatError",
     "ICP",
     "Judgement",

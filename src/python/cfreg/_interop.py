@@ -54,7 +54,7 @@ def array(values: Any, name: str) -> Any:
 
 def moved(cloud: Any, transform: Any) -> Any:
     """`cloud`, of whatever kind, moved by a (4, 4) matrix: the same kind again."""
-    from ._native import PointCloud
+    from ._native import PointCloud, ShapeError
 
     if isinstance(cloud, PointCloud):
         return cloud.transformed(transform)
@@ -67,6 +67,8 @@ def moved(cloud: Any, transform: Any) -> Any:
     if hasattr(cloud, "apply_transform"):  # trimesh
         return cloud.copy().apply_transform(transform)
     points, _ = parts(cloud, "cloud")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ShapeError(f"cloud: expected shape (N, 3), found {points.shape}")
     rows = points @ transform[:3, :3].T + transform[:3, 3]
     if isinstance(cloud, np.ndarray):
         return rows.astype(points.dtype) if points.dtype.kind == "f" else rows

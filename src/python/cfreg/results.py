@@ -80,7 +80,7 @@ def evaluate(
     Parameters
     ----------
     source, target : see `cfreg.register`
-    transform : (4, 4), maps source points into the frame of the target
+    transform : (4, 4), maps source points into the frame of the target; or a Registration
     max_distance : largest distance that counts, in the target's unit. None: twice the
         resolution of the coarser cloud
     truth : (4, 4), the true pose, if known
@@ -120,6 +120,11 @@ class Doubt:
     message: str
     facts: dict[str, float]
 
+    @classmethod
+    def _of(cls, facts: dict[str, Any]) -> Doubt:
+        rest = {name: fact for name, fact in facts.items() if name not in ("ground", "message")}
+        return cls(facts["ground"], facts["message"], rest)
+
     def __str__(self) -> str:
         return self.message
 
@@ -146,38 +151,61 @@ class Registration:
     certificate : of "teaser", where `certify` was set
     refined_from : the Registration that this one refined, or None
 
-    Pickles, and tells itself in a line (repr), in a table (notebooks) and in full (to_dict).
+    It cannot be changed, equals another in all but the seconds, pickles, and tells itself in a
+    line (repr), in a table (notebooks) and in full (to_dict).
     """
 
+    transform: npt.NDArray[np.float64]
+    method: str
+    trusted: bool
+    doubts: tuple[Doubt, ...]
+    evaluation: Evaluation
+    weighted_rms: float
+    beta: float | None
+    connections: int
+    effective_connections: float
+    singular_values: tuple[float, float, float]
+    iterations: int
+    stop: str
+    points: dict[str, dict[str, Any]]
+    seconds: dict[str, float]
+    config: dict[str, Any]
+    trace: list[dict[str, Any]]
+    certificate: dict[str, Any] | None
+    refined_from: Registration | None
+    _facts: dict[str, Any]
+
     def __init__(self, facts: dict[str, Any]) -> None:
-        self._facts = facts
-        self.transform: npt.NDArray[np.float64] = np.array(facts["transform"], dtype=np.float64)
-        self.transform.setflags(write=False)
-        self.method: str = facts["method"]
-        self.trusted: bool = facts["trusted"]
-        self.doubts: tuple[Doubt, ...] = tuple(
-            Doubt(
-                doubt["ground"],
-                doubt["message"],
-                {k: v for k, v in doubt.items() if k not in ("ground", "message")},
-            )
-            for doubt in facts["doubts"]
-        )
-        self.evaluation = Evaluation._of(facts["evaluation"])
-        self.weighted_rms: float = facts["weighted_rms"]
-        self.beta: float | None = facts.get("beta")
-        self.connections: int = facts["connections"]
-        self.effective_connections: float = facts["effective_connections"]
-        self.singular_values: tuple[float, float, float] = tuple(facts["singular_values"])
-        self.iterations: int = facts["iterations"]
-        self.stop: str = facts["stop"]
-        self.points: dict[str, dict[str, Any]] = facts["points"]
-        self.seconds: dict[str, float] = facts["time_s"]
-        self.config: dict[str, Any] = facts["config"]
-        self.trace: list[dict[str, Any]] = facts.get("trace", [])
-        self.certificate: dict[str, Any] | None = facts.get("certificate")
+        transform = np.array(facts["transform"], dtype=np.float64)
+        transform.setflags(write=False)
         before = facts.get("refined_from")
-        self.refined_from: Registration | None = None if before is None else Registration(before)
+        same = (
+            "method",
+            "trusted",
+            "weighted_rms",
+            "connections",
+            "effective_connections",
+            "iterations",
+            "stop",
+            "points",
+            "config",
+        )
+        vars(self).update(
+            {name: facts[name] for name in same},
+            transform=transform,
+            doubts=tuple(Doubt._of(doubt) for doubt in facts["doubts"]),
+            evaluation=Evaluation._of(facts["evaluation"]),
+            beta=facts.get("beta"),
+            singular_values=tuple(facts["singular_values"]),
+            seconds=facts["time_s"],
+            trace=facts.get("trace", []),
+            certificate=facts.get("certificate"),
+            refined_from=None if before is None else Registration(before),
+            _facts=facts,
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{name}: a registration cannot be changed")
 
     @property
     def scale(self) -> float:
@@ -227,7 +255,7 @@ class Registration:
         return Registration, (self._facts,)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Registration) and self._facts == other._facts
+        return isinstance(other, Registration) and _timeless(self._facts) == _timeless(other._facts)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -276,3 +304,11 @@ class Registration:
             f"<div style='border-left:4px solid {colour};padding-left:8px'>"
             f"<table>{table}</table><table>{matrix}</table></div>"
         )
+
+
+def _timeless(facts: dict[str, Any]) -> dict[str, Any]:
+    """All but how long it took."""
+    rest = {name: fact for name, fact in facts.items() if name != "time_s"}
+    if rest.get("refined_from"):
+        rest["refined_from"] = _timeless(rest["refined_from"])
+    return rest

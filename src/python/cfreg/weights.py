@@ -58,7 +58,9 @@ Weights = Callable[["npt.NDArray[np.float32]"], "npt.ArrayLike"]
 
 def sinkhorn(rounds: int) -> str:
     """The normalisation by `rounds` of Sinkhorn-Knopp, 1 to 1000; two passes each."""
-    return f"sinkhorn:{rounds}"
+    name = f"sinkhorn:{rounds}"
+    _native.settings("cf", json.dumps({"normalize": name}))
+    return name
 
 
 class Kernel:
@@ -103,7 +105,10 @@ class _Catalogued(Kernel):
     beta: float | str = 100.0
 
     def __post_init__(self) -> None:
-        self._check()
+        if isinstance(self.beta, bool) or not isinstance(self.beta, (str, float, int, np.number)):
+            raise TypeError(f"beta: a number or a word is needed, not {self.beta!r}")
+        spec = self._spec()
+        _native.settings("cf", json.dumps({"weights": spec["kernel"], "beta": spec["beta"]}))
 
     def _name(self) -> str:
         raise NotImplementedError
@@ -268,7 +273,7 @@ def _kernel(weights: Any) -> Kernel:
         return weights
     if callable(weights):
         return _Function(weights)
-    raise TypeError(f"a kernel, a function or a number is needed, not {type(weights).__name__}")
+    raise TypeError(f"a kernel or a function is needed, not {weights!r} (numbers only multiply)")
 
 
 def _is_number(value: Any) -> bool:

@@ -42,7 +42,10 @@ class Method:
         return self._register(source, target, refine)
 
     def settings(self) -> dict[str, Any]:
-        """Every setting by its name in the `config` of a result."""
+        """Every setting by its name in the `config` of a result, and in the command line's:
+        `neighbors` and `radius` are `neighborhood` there, `normal_neighbors`
+        `normal_neighborhood`, `more_neighbors` `more_scales`, `normalize` `normalization`,
+        `detector` `keypoints`."""
         settings: dict[str, Any] = json.loads(_native.settings(*self._named()))
         return settings
 

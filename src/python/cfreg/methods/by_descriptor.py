@@ -56,17 +56,16 @@ class CF(Describing):
     @classmethod
     def multiscale(cls, **settings: Any) -> CF:
         """Three scales, a bandwidth from the descriptors and dual softmax."""
-        return cls(
-            **{
-                "neighbors": 100,
-                "normal_neighbors": 10,
-                "more_neighbors": ("200:50", "400:150"),
-                "histogram": "open3d",
-                "beta": "auto",
-                "normalize": "both",
-                **settings,
-            }
-        )
+        preset: dict[str, Any] = {
+            "neighbors": 100,
+            "normal_neighbors": 10,
+            "more_neighbors": ("200:50", "400:150"),
+            "histogram": "open3d",
+            "normalize": "both",
+        }
+        if isinstance(settings.get("weights", ""), str):  # others have their own bandwidth
+            preset["beta"] = "auto"
+        return cls(**{**preset, **settings})
 
     def _own_weights(self) -> bool:
         """Whether the weights are no kernel of the catalogue."""
