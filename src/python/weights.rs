@@ -103,7 +103,7 @@ impl Function {
         // Masks and whole numbers are weights, complex numbers are not.
         let found = py.import("numpy")?.call_method1("asarray", (found,))?;
         let refused = |_| {
-            let found = found.getattr("dtype").map_or_else(|_| found.clone(), |dtype| dtype);
+            let found = found.getattr("dtype").unwrap_or_else(|_| found.clone());
             let rule = "must be real numbers";
             PyTypeError::new_err(format!("weights: the function returned {found}: weights {rule}"))
         };
