@@ -11,7 +11,7 @@ use super::cloud::{AnyCloud, BadRows, pose};
 use super::doorway::released;
 use super::errors::{SettingError, ShapeError, about, count, exception};
 use super::registration::to_json;
-use super::weights::Weights;
+use super::weights::{OwnWeights, Weights};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::error::{Error, Result};
 use crate::math::Vec3;
@@ -19,7 +19,7 @@ use crate::method::Cf;
 use crate::moments::{Described, FullConnection, Moments as Sums, WeightedPair, of_pairs};
 use crate::par;
 use crate::pose::{ScaleEstimate, Solver, solve as solved};
-use crate::weight::{Bandwidth, Normalization};
+use crate::weight::{Bandwidth, Composite, Normalization};
 
 /// Sums over all weighted pairs of source points p and target points q, about fixed
 /// origins: all that a closed form needs. Made by moments(); attributes are read-only.
@@ -144,7 +144,7 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 /// normalize : "none", "source", "target", "both" (dual softmax) or "sinkhorn:N"
 /// tolerance : how much of the sum of weights may be left out, as a share of it, 0 to below
 ///     1, which is faster for clouds of tens of thousands of points. 0: every pair. Only for
-///     weights that are a name
+///     weights that are a name or one kernel
 /// threads : 0 for all cores; never changes the result
 ///
 /// Returns
@@ -191,23 +191,26 @@ pub(super) fn moments(
     threads: i64,
 ) -> PyResult<Moments> {
     let named = |setting: &str| {
-        let message = format!("{setting}: only for weights that are a name; these have their own");
-        Err(SettingError::new_err(message))
+        Err(SettingError::new_err(format!("{setting}: only for weights that are a name")))
     };
     let weights = match weights {
         Some(weights) => Weights::read(weights, "weights")?,
         None => Weights::Named(Cf::default().weights),
     };
-    if let Weights::Own(_) = &weights {
-        if beta.is_some() {
-            return named("beta");
-        }
-        if tolerance != 0.0 {
-            return named("tolerance");
-        }
-    }
     let beta = beta.map(Bandwidth::try_from).transpose().map_err(|error| about("beta", error))?;
-    let beta = beta.unwrap_or_else(|| Cf::default().bandwidth());
+    if matches!(weights, Weights::Own(_)) && beta.is_some() {
+        return named("beta");
+    }
+    let (weights, beta) = match weights {
+        // A kernel alone is its name and its bandwidth.
+        Weights::Own(OwnWeights::Composite(Composite::Kernel { kernel, beta })) => {
+            (Weights::Named(kernel), beta)
+        }
+        weights => (weights, beta.unwrap_or_else(|| Cf::default().bandwidth())),
+    };
+    if matches!(weights, Weights::Own(_)) && tolerance != 0.0 {
+        return named("tolerance");
+    }
     let normalize: Normalization = normalize.parse().map_err(|error| about("normalize", error))?;
     let threads = count("threads", threads)?;
     let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;

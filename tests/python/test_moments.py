@@ -152,6 +152,11 @@ class Moments(unittest.TestCase):
             return cfreg.moments(points, points, descriptors, descriptors, beta=50, tolerance=tolerance).weight
 
         exact = weight(0.0)
+        kernel = cfreg.weights.Gaussian(50)
+        alone = cfreg.moments(points, points, descriptors, descriptors, weights=kernel, tolerance=1e-3)
+        self.assertEqual(alone.weight, weight(1e-3))
+        with self.assertRaisesRegex(cfreg.SettingError, "^tolerance"):
+            cfreg.moments(points, points, descriptors, descriptors, weights=kernel * kernel, tolerance=1e-3)
         for tolerance in (1e-6, 1e-3, 0.1):
             left_out = 1.0 - weight(tolerance) / exact
             # Something is left out, or there would be nothing to promise.
