@@ -118,7 +118,7 @@ fn matches_may_repeat_but_must_be_there_and_span_a_plane() {
     let (source, target) = (&problem.source, &problem.target);
     let solve = |pairs: &[(u32, u32)]| exact().register_matches(source, target, pairs);
     for pairs in [&[(0, 0), (1, 1), (60, 2)], &[(0, 0), (1, 1), (2, 60)]] {
-        assert!(matches!(solve(pairs), Err(Error::Shape { expected: 60, found: 60, .. })));
+        assert!(matches!(solve(pairs), Err(Error::Shape { expected: 61, found: 60, .. })));
     }
     for few in 0..3 {
         let error = solve(&problem.pairs[..few]).unwrap_err();
