@@ -38,6 +38,42 @@ impl Descriptors {
         }
     }
 
+    /// Both sides of a connection from rows of length `dim` in f64, about their common mean:
+    /// distances are the same, and rows far from zero keep the digits in which they differ.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] as of [`new`](Self::new), [`Error::NonFinite`] with the row of the
+    /// first NaN or infinity, [`Error::Config`] for a value further than 1e18 from the mean:
+    /// f32 cannot hold its square.
+    ///
+    /// ```
+    /// let (source, target) = ([1e9, 1e9 + 1.0], [1e9 + 3.0]);
+    /// let [source, target] = cfreg::Descriptors::both(1, &source, &target)?;
+    /// assert_eq!(target.row(0)[0] - source.row(1)[0], 2.0);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn both(dim: usize, source: &[f64], target: &[f64]) -> Result<[Descriptors; 2]> {
+        let mut mean = vec![0.0; dim];
+        let rows = || [source, target].into_iter().flat_map(|side| side.chunks(dim.max(1)));
+        let share = 1.0 / rows().count().max(1) as f64;
+        for row in rows() {
+            mean.iter_mut().zip(row).for_each(|(mean, value)| *mean += share * value);
+        }
+        let side = |side: &str, values: &[f64]| {
+            if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+                let what = format!("descriptors of the {side}");
+                return Err(Error::NonFinite { what, index: at / dim.max(1) });
+            }
+            let local = values.iter().zip(mean.iter().cycle()).map(|(value, mean)| value - mean);
+            if let Some(far) = local.clone().find(|x| !(x.abs() <= 1e18)) {
+                let rule = "is too far from the mean of all descriptors: at most 1e18 will do";
+                return Err(Error::config("descriptors", format!("{far:e}"), rule));
+            }
+            Descriptors::new(dim, local.map(|x| x as f32).collect())
+        };
+        Ok([side("source", source)?, side("target", target)?])
+    }
+
     /// Number of rows N.
     pub fn len(&self) -> usize {
         self.data.len() / self.dim

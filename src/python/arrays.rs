@@ -3,6 +3,8 @@
 //! What is read is copied once, by numpy: other threads may then write into the array while
 //! it is worked with, and nothing is read from it that they wrote.
 
+use std::borrow::Cow;
+
 use numpy::ndarray::{Array2, Dimension};
 use numpy::prelude::*;
 use numpy::{Element, PyArray, PyArray2, PyReadonlyArray2, PyUntypedArray, dtype};
@@ -11,9 +13,10 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
-use super::errors::{ShapeError, about, non_finite};
+use super::detached::detached;
+use super::errors::{ShapeError, exception, non_finite};
 use crate::cloud::Descriptors;
-use crate::math::Vec3;
+use crate::error::Error;
 
 /// A table of numbers in row order that nobody else holds: float32 or float64.
 pub(super) enum Table<'py> {
@@ -53,35 +56,41 @@ impl<'py> Table<'py> {
         Err(PyTypeError::new_err(message))
     }
 
+    /// Rows and columns.
+    pub(super) fn shape(&self) -> [usize; 2] {
+        match self {
+            Table::F32(table) => [table.shape()[0], table.shape()[1]],
+            Table::F64(table) => [table.shape()[0], table.shape()[1]],
+        }
+    }
+
     /// Refuses a NaN or an infinity in any row.
     pub(super) fn check_finite(&self, py: Python<'_>, name: &str) -> PyResult<()> {
-        fn bad_row<T: Copy>(values: &[T], finite: impl Fn(T) -> bool) -> Option<usize> {
-            values.as_chunks::<3>().0.iter().position(|row| !row.iter().all(|&x| finite(x)))
+        let [_, width] = self.shape();
+        fn bad<T: Copy>(values: &[T], finite: impl Fn(T) -> bool) -> Option<usize> {
+            values.iter().position(|&x| !finite(x))
         }
         let bad = match self {
             Table::F32(table) => {
                 let values = table.as_slice()?;
-                py.detach(|| bad_row(values, f32::is_finite))
+                detached(py, || bad(values, f32::is_finite))
             }
             Table::F64(table) => {
                 let values = table.as_slice()?;
-                py.detach(|| bad_row(values, f64::is_finite))
+                detached(py, || bad(values, f64::is_finite))
             }
         };
-        bad.map_or(Ok(()), |row| Err(non_finite(name, row)))
+        bad.map_or(Ok(()), |at| Err(non_finite(name, at / width)))
     }
 
-    /// Rows of three in f64.
-    pub(super) fn triples(&self, py: Python<'_>) -> PyResult<Vec<Vec3>> {
+    /// The values in f64, row after row.
+    pub(super) fn values(&self, py: Python<'_>) -> PyResult<Cow<'_, [f64]>> {
         Ok(match self {
             Table::F32(table) => {
-                let rows = table.as_slice()?.as_chunks::<3>().0;
-                py.detach(|| rows.iter().map(|row| row.map(f64::from)).collect())
+                let values = table.as_slice()?;
+                detached(py, || values.iter().map(|&x| f64::from(x)).collect())
             }
-            Table::F64(table) => {
-                let rows = table.as_slice()?.as_chunks::<3>().0;
-                py.detach(|| rows.to_vec())
-            }
+            Table::F64(table) => Cow::Borrowed(table.as_slice()?),
         })
     }
 }
@@ -107,33 +116,68 @@ pub(super) fn interop(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(MODULE.get_or_try_init(py, import)?.bind(py))
 }
 
-/// Descriptors (N, D), one row for each of the `points` of `owner`.
-pub(super) fn descriptors(
+/// A table (N, D) that is finite, one row for each of the `points` of `owner`.
+pub(super) fn table_for<'py>(
+    any: &Bound<'py, PyAny>,
+    name: &str,
+    points: usize,
+    owner: &str,
+) -> PyResult<Table<'py>> {
+    let py = any.py();
+    let table = Table::read(&as_array(any, name)?, name, None)?;
+    let [found, width] = table.shape();
+    if width == 0 {
+        return Err(ShapeError::new_err(format!("{name}: has no column")));
+    }
+    if found != points {
+        let message = format!("{name}: expected {points} rows, as {owner} has, found {found}");
+        return Err(ShapeError::new_err(message));
+    }
+    table.check_finite(py, name)?;
+    Ok(table)
+}
+
+/// Numbers (N,), one for each of the `points` of `owner`.
+pub(super) fn column_for(
     any: &Bound<'_, PyAny>,
     name: &str,
     points: usize,
     owner: &str,
-) -> PyResult<Descriptors> {
-    let (py, array) = (any.py(), as_array(any, name)?);
-    let table = Table::read(&array, name, None)?;
-    let rows = match &table {
-        Table::F32(table) => {
-            let (width, values) = (table.shape()[1], table.as_slice()?);
-            py.detach(|| Descriptors::new(width, values.to_vec()))
-        }
-        Table::F64(table) => {
-            let (width, values) = (table.shape()[1], table.as_slice()?);
-            // Too large for f32 becomes infinite, which is refused.
-            py.detach(|| Descriptors::new(width, values.iter().map(|&x| x as f32).collect()))
-        }
-    };
-    let rows = rows.map_err(|error| about(name, error))?;
-    if rows.len() != points {
-        let found = rows.len();
-        let message = format!("{name}: expected {points} rows, as {owner} has, found {found}");
+) -> PyResult<Vec<f64>> {
+    let array = as_array(any, name)?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if shape.len() != 1 && shape != [points, 1] {
+        let found = array.getattr("shape")?;
+        let message = format!("{name}: expected shape ({points},), as {owner} has rows, found {found}");
         return Err(ShapeError::new_err(message));
     }
-    Ok(rows)
+    let column = array.call_method1("reshape", (-1, 1))?;
+    Ok(table_for(&column, name, points, owner)?.values(any.py())?.into_owned())
+}
+
+/// The descriptors of both sides.
+pub(super) fn descriptors(
+    py: Python<'_>,
+    source: &Table<'_>,
+    target: &Table<'_>,
+) -> PyResult<[Descriptors; 2]> {
+    let ([_, from], [_, to]) = (source.shape(), target.shape());
+    if from != to {
+        let what = "columns of target_descriptors, against source_descriptors".into();
+        return Err(exception(Error::Shape { what, expected: from, found: to }));
+    }
+    let both = match (source, target) {
+        (Table::F32(source), Table::F32(target)) => {
+            let (source, target) = (source.as_slice()?, target.as_slice()?);
+            let side = |values: &[f32]| Descriptors::new(from, values.to_vec());
+            detached(py, || Ok([side(source)?, side(target)?]))
+        }
+        _ => {
+            let (source, target) = (source.values(py)?, target.values(py)?);
+            detached(py, || Descriptors::both(from, &source, &target))
+        }
+    };
+    both.map_err(exception)
 }
 
 /// An array (N, `width`) of `values`, row after row.

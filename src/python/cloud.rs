@@ -9,6 +9,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyTuple;
 
 use super::arrays::{Table, as_array, interop, read_only, table};
+use super::detached::detached;
 use super::doorway::released;
 use super::errors::{SettingError, ShapeError, about, count, exception};
 use crate::cloud::{Parts, PointCloud as Cloud, Transform};
@@ -72,7 +73,7 @@ impl PyCloud {
             AnyCloud::Made(cloud) => cloud,
             AnyCloud::Given(given) => {
                 let given = given.get();
-                py.detach(|| given.cloud.clone())
+                detached(py, || given.cloud.clone())
             }
         };
         let cloud = match viewpoint {
@@ -88,10 +89,10 @@ impl PyCloud {
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let made = self.points.get_or_try_init(py, || {
             let array = if self.cloud.origin() == [0.0; 3] {
-                let rows = py.detach(|| self.cloud.points().as_flattened().to_vec());
+                let rows = detached(py, || self.cloud.points().as_flattened().to_vec());
                 read_only(table(py, 3, rows)).into_any()
             } else {
-                let rows = py.detach(|| self.cloud.positions().collect::<Vec<_>>());
+                let rows = detached(py, || self.cloud.positions().collect::<Vec<_>>());
                 read_only(table(py, 3, rows.into_flattened())).into_any()
             };
             Ok::<_, PyErr>(array.unbind())
@@ -105,7 +106,7 @@ impl PyCloud {
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(normals) = self.cloud.normals() else { return Ok(None) };
         let made = self.normals.get_or_try_init(py, || {
-            let rows = py.detach(|| normals.as_flattened().to_vec());
+            let rows = detached(py, || normals.as_flattened().to_vec());
             Ok::<_, PyErr>(read_only(table(py, 3, rows)).into_any().unbind())
         })?;
         Ok(Some(made.bind(py).clone()))
@@ -126,7 +127,7 @@ impl PyCloud {
     /// Lowest and highest corner, two rows of three; None where the cloud is empty.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let (low, high) = py.detach(|| self.cloud.bounds())?;
+        let (low, high) = detached(py, || self.cloud.bounds())?;
         Some(read_only(table(py, 3, [low, high].concat())))
     }
 
@@ -209,7 +210,7 @@ impl PyCloud {
     fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> bool {
         let Ok(other) = other.cast::<Self>() else { return false };
         let other = other.get();
-        py.detach(|| self.cloud == other.cloud)
+        detached(py, || self.cloud == other.cloud)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
@@ -221,7 +222,7 @@ impl PyCloud {
         if cloud.normals().is_some() {
             parts.push("normals".into());
         }
-        if let Some((low, high)) = py.detach(|| cloud.bounds()) {
+        if let Some((low, high)) = detached(py, || cloud.bounds()) {
             parts.push(format!("from {} to {}", short(low), short(high)));
         }
         parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", short(at))));
@@ -232,7 +233,7 @@ impl PyCloud {
         let py = slf.py();
         let this = slf.get();
         let Parts { points, origin, frame_origin, normals, viewpoint, dropped } =
-            py.detach(|| this.cloud.parts());
+            detached(py, || this.cloud.parts());
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
         let state = (points, origin, frame_origin, normals, viewpoint, dropped);
@@ -253,14 +254,14 @@ impl PyCloud {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
             Table::F32(table) => {
                 let rows = table.as_slice()?.as_chunks::<3>().0;
-                Ok(py.detach(|| rows.to_vec()))
+                Ok(detached(py, || rows.to_vec()))
             }
             Table::F64(_) => Err(exception(Error::config(name, "float64", "is float32"))),
         };
         let points = rows(points, "points")?;
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
         let parts = Parts { points, origin, frame_origin, normals, viewpoint, dropped };
-        py.detach(|| Cloud::from_parts(parts)).map(Self::from).map_err(exception)
+        detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)
     }
 }
 
@@ -318,11 +319,11 @@ impl<'py> AnyCloud<'py> {
             let cloud = match &points {
                 Table::F32(table) => {
                     let rows = table.as_slice()?.as_chunks().0;
-                    py.detach(|| Cloud::from_f32(rows))
+                    detached(py, || Cloud::from_f32(rows))
                 }
                 Table::F64(table) => {
                     let rows = table.as_slice()?.as_chunks().0;
-                    py.detach(|| Cloud::new(rows))
+                    detached(py, || Cloud::new(rows))
                 }
             };
             return cloud.map(AnyCloud::Made).map_err(|error| about(name, error));
@@ -331,18 +332,35 @@ impl<'py> AnyCloud<'py> {
         if bad_rows == BadRows::Refuse {
             normals.check_finite(py, "normals")?;
         }
-        let (points, normals) = (points.triples(py)?, normals.triples(py)?);
+        let (points, normals) = (points.values(py)?, normals.values(py)?);
+        let (points, normals) = (points.as_chunks().0, normals.as_chunks().0);
         if points.len() != normals.len() {
             let (expected, found) = (points.len(), normals.len());
             return Err(ShapeError::new_err(format!(
                 "normals: expected {expected} rows, as {name} has, found {found}"
             )));
         }
-        let cloud = py.detach(|| Cloud::with_normals(&points, &normals));
-        let cloud = cloud.map_err(|error| about("normals", error))?;
+        let cloud = detached(py, || Cloud::with_normals(points, normals));
+        let cloud = cloud.map_err(|error| about(name, error))?;
         let viewpoint = any.cast::<PyCloud>().ok().and_then(|given| given.get().cloud.viewpoint());
-        let cloud = viewpoint.map_or(Ok(cloud.clone()), |at| cloud.with_viewpoint(at));
-        cloud.map(AnyCloud::Made).map_err(exception)
+        let cloud = match viewpoint {
+            Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
+            None => cloud,
+        };
+        Ok(AnyCloud::Made(cloud))
+    }
+
+    /// A cloud whose points are named by their rows in what was handed over.
+    pub(super) fn by_rows(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+        let cloud = Self::read(any, name, None, BadRows::Refuse)?;
+        match cloud.get().dropped() {
+            0 => Ok(cloud),
+            dropped => Err(ShapeError::new_err(format!(
+                "{name}: this PointCloud has left out {dropped} rows, so that the rows after \
+                 them have moved up: give the array, or for rows of its points \
+                 PointCloud({name}.points)"
+            ))),
+        }
     }
 
     /// The cloud.

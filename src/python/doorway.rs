@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 
+use super::detached::{detached, ending};
 use super::errors::exception;
 use crate::error::{Error, Result};
 use crate::par::{self, Interrupt};
@@ -14,22 +15,41 @@ use crate::par::{self, Interrupt};
 /// How long a signal waits at most before it is looked at.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// On whose threads loops run.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Pool {
+    /// On those of all calls.
+    Shared,
+    /// On threads of this call alone: for work that may wait for other calls, as Python
+    /// functions do that take a lock.
+    Own,
+}
+
 /// Runs `work` in a thread of its own while this one, without the interpreter, waits for it
 /// and looks after signals: other Python threads go on, and Ctrl-C ends the work.
 pub(super) fn released<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
+    released_on(py, Pool::Shared, work)
+}
+
+/// [`released`] with loops on the threads of `pool`.
+pub(super) fn released_on<T: Send>(
+    py: Python<'_>,
+    pool: Pool,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> PyResult<T> {
     let interrupt = Interrupt::default();
     let (send, receive) = channel();
     let within = interrupt.clone();
-    // A weight written in Python may call on us again, from a thread of the pool.
-    let nested = par::in_pool();
+    // A weight written in Python may call on us again, from a thread that waits for it.
+    let pool = if par::in_pool() { Pool::Own } else { pool };
     let worker = move || {
         // Nobody waits for an answer after an interrupt.
-        let _ = send.send(within.guard(|| on_live_threads(nested, work)));
+        let _ = send.send(within.guard(|| on_live_threads(pool, work)));
     };
-    py.detach(move || {
+    detached(py, move || {
         std::thread::scope(|scope| {
             let worker = std::thread::Builder::new()
                 .name("cfreg".into())
@@ -38,7 +58,7 @@ pub(super) fn released<T: Send>(
             loop {
                 match receive.recv_timeout(PATIENCE) {
                     Ok(answer) => return answer.flatten().flatten().map_err(exception),
-                    Err(RecvTimeoutError::Timeout) if par::requested() => {
+                    Err(RecvTimeoutError::Timeout) if par::requested() || ending() => {
                         interrupt.request();
                         return Err(exception(Error::Interrupted));
                     }
@@ -57,13 +77,12 @@ pub(super) fn released<T: Send>(
     })
 }
 
-/// Runs `work` on threads that will take it up: new ones where it is `nested` in other work,
-/// and in a process that was forked, as `multiprocessing` does. The usual threads then wait
-/// for this work, or are not there.
-fn on_live_threads<T: Send>(nested: bool, work: impl FnOnce() -> T + Send) -> Result<T> {
+/// Runs `work` on threads that will take it up: new ones, too, in a process that was forked,
+/// as `multiprocessing` does, where the shared ones are not.
+fn on_live_threads<T: Send>(pool: Pool, work: impl FnOnce() -> T + Send) -> Result<T> {
     static FIRST: OnceLock<u32> = OnceLock::new();
     let process = std::process::id();
-    let usual = !nested && *FIRST.get_or_init(|| process) == process;
+    let shared = pool == Pool::Shared && *FIRST.get_or_init(|| process) == process;
     let all = || std::thread::available_parallelism().map_or(1, usize::from);
-    par::with_threads(if usual { 0 } else { all() }, work)
+    par::with_threads(if shared { 0 } else { all() }, work)
 }

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
-use super::arrays::{as_array, descriptors as table_for, interop, table};
+use super::arrays::{column_for, interop, table};
 use super::cloud::{AnyCloud, BadRows, place};
 use super::doorway::released;
 use super::errors::{SettingError, about, count, exception};
@@ -121,13 +121,11 @@ pub(super) fn keypoints<'py>(
         .map_err(|error| SettingError::new_err(format!("detector = {detector}: {error}")))?;
     let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
     let cloud = cloud.get();
-    let column = |values: &Bound<'py, PyAny>| {
-        let values = as_array(values, "values")?.call_method1("reshape", (-1, 1))?;
-        table_for(&values, "values", cloud.len(), "points")
-    };
+    let column = |values| column_for(values, "values", cloud.len(), "points");
     let values = values.map(column).transpose()?;
+    let values = values.map(|values| values.iter().map(|&x| x as f32).collect::<Vec<_>>());
     let found = released(py, || match &values {
-        Some(values) => detector.detect(cloud.points(), values.as_slice()),
+        Some(values) => detector.detect(cloud.points(), values),
         None => {
             let (_, normals) = neighborhoods(cloud, &Describe::default())?;
             detector.detect(cloud.points(), &normals.curvature)

@@ -7,13 +7,15 @@
 //!
 //! [`arrays`] turns arrays into numbers and back, [`cloud`] whatever stands for a cloud into
 //! one; [`doorway`] is the one way into long work: there the interpreter is released and
-//! signals are looked after; [`errors`] makes exceptions of the crate's errors.
+//! signals are looked after; [`detached`] sees to it that what goes on without the interpreter
+//! outlives it in peace; [`errors`] makes exceptions of the crate's errors.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
 //! for `help()`; the module's tests compare them with those of the Rust structs.
 
 mod arrays;
 mod cloud;
+mod detached;
 mod doorway;
 mod errors;
 mod features;
@@ -24,6 +26,8 @@ mod weights;
 /// The compiled part of cfreg.
 #[pyo3::pymodule(gil_used = false)]
 mod _native {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::cloud::{PyCloud, read, write};
     #[pymodule_export]
@@ -43,4 +47,9 @@ mod _native {
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::detached::register(module)
+    }
 }

@@ -6,9 +6,10 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::arrays::{as_array, descriptors, read_only, table};
+use super::arrays::{as_array, column_for, descriptors, read_only, table, table_for};
 use super::cloud::{AnyCloud, BadRows, pose};
-use super::doorway::released;
+use super::detached::detached;
+use super::doorway::{released, released_on};
 use super::errors::{SettingError, ShapeError, about, count, exception};
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
@@ -217,13 +218,9 @@ pub(super) fn moments(
     let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
     let (source, target) = (source.get(), target.get());
     let from =
-        descriptors(source_descriptors, "source_descriptors", source.len(), "source_points")?;
-    let to = descriptors(target_descriptors, "target_descriptors", target.len(), "target_points")?;
-    if from.dim() != to.dim() {
-        let what = "columns of target_descriptors, against source_descriptors".into();
-        let (expected, found) = (from.dim(), to.dim());
-        return Err(exception(Error::Shape { what, expected, found }));
-    }
+        table_for(source_descriptors, "source_descriptors", source.len(), "source_points")?;
+    let to = table_for(target_descriptors, "target_descriptors", target.len(), "target_points")?;
+    let [from, to] = descriptors(py, &from, &to)?;
     let connection = || FullConnection::new(side(source, &from), side(target, &to));
     let sums = match &weights {
         Weights::Named(scheme) => released(py, || {
@@ -233,7 +230,7 @@ pub(super) fn moments(
                 connection.scheme_moments_within(*scheme, beta, normalize, tolerance)
             })?
         }),
-        Weights::Own(own) => own.blamed(released(py, || {
+        Weights::Own(own) => own.blamed(released_on(py, own.pool(), || {
             par::with_threads(threads, || own.moments(&connection()?, normalize))?
         })),
     };
@@ -295,17 +292,14 @@ pub(super) fn moments_of_pairs(
     pairs: &Bound<'_, PyAny>,
     weights: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Moments> {
-    let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;
-    let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
+    let source = AnyCloud::by_rows(source_points, "source_points")?;
+    let target = AnyCloud::by_rows(target_points, "target_points")?;
     let pairs = index_pairs(pairs, "pairs")?;
-    let column = |weights: &Bound<'_, PyAny>| {
-        let column = as_array(weights, "weights")?.call_method1("reshape", (-1, 1))?;
-        descriptors(&column, "weights", pairs.len(), "pairs")
-    };
+    let column = |weights| column_for(weights, "weights", pairs.len(), "pairs");
     let weights = weights.map(column).transpose()?;
     let (source, target) = (source.get(), target.get());
     let sums = released(py, || {
-        let weight = |at| weights.as_ref().map_or(1.0, |w| f64::from(w.as_slice()[at]));
+        let weight = |at| weights.as_ref().map_or(1.0, |w| w[at]);
         let weighed = |(at, &(source, target))| WeightedPair { source, target, weight: weight(at) };
         let pairs: Vec<WeightedPair> = pairs.iter().enumerate().map(weighed).collect();
         match pairs.iter().find(|pair| pair.weight < 0.0) {
@@ -331,10 +325,17 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
         return Err(PyTypeError::new_err(message));
     }
     let py = any.py();
+    // Whole numbers above i64's become negative there, which are no rows either.
+    let highest = array.call_method0("max").ok().filter(|_| shape[0] > 0);
+    if let Some(highest) = highest
+        && highest.gt(u32::MAX)?
+    {
+        return Err(ShapeError::new_err(format!("{name}: {highest} is no row of a cloud")));
+    }
     let rows = array.call_method1("astype", (dtype::<i64>(py), "C"))?;
     let rows = rows.cast::<PyArray2<i64>>()?.try_readonly()?;
     let rows = rows.as_slice()?.as_chunks::<2>().0;
-    py.detach(|| {
+    detached(py, || {
         let index = |index: i64| u32::try_from(index).map_err(|_| index);
         rows.iter().map(|&[a, b]| Ok((index(a)?, index(b)?))).collect::<Result<_, i64>>()
     })

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::cloud::{AnyCloud, BadRows, pose};
-use super::doorway::released;
+use super::doorway::{Pool, released, released_on};
 use super::errors::{SettingError, about, exception};
 use super::moments::index_pairs;
 use super::weights::{OwnWeights, Weights};
@@ -56,10 +56,14 @@ pub(super) fn register(
         initial: initial.map(|initial| pose(initial, "initial")).transpose()?,
         matches: matches.map(|matches| index_pairs(matches, "matches")).transpose()?,
     };
-    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
-    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let cloud = |any, name| match given.matches {
+        Some(_) => AnyCloud::by_rows(any, name),
+        None => AnyCloud::read(any, name, None, BadRows::Drop),
+    };
+    let (source, target) = (cloud(source, "source")?, cloud(target, "target")?);
     let (source, target) = (source.get(), target.get());
-    let found = released(py, || {
+    let pool = given.weights.as_ref().map_or(Pool::Shared, |(own, _)| own.pool());
+    let found = released_on(py, pool, || {
         let begun = begin(&first, &given, source, target)?;
         Chain::new(first, refinements)?.go_on(begun, source, target)
     });

@@ -8,7 +8,9 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
-use super::arrays::table;
+use super::arrays::{interop, table};
+use super::detached::detached;
+use super::doorway::Pool;
 use super::errors::{SettingError, ShapeError, about, exception};
 use crate::error::Result;
 use crate::moments::{FullConnection, Moments};
@@ -58,6 +60,14 @@ impl Weights {
 }
 
 impl OwnWeights {
+    /// Where to weigh: a function may take a lock that other calls are made under.
+    pub(super) fn pool(&self) -> Pool {
+        match self {
+            OwnWeights::Composite(_) => Pool::Shared,
+            OwnWeights::Function(_) => Pool::Own,
+        }
+    }
+
     pub(super) fn moments(
         &self,
         connection: &FullConnection,
@@ -100,8 +110,8 @@ impl Function {
     fn call(&self, py: Python<'_>, d2: &mut [f32], width: usize) -> PyResult<()> {
         let given = table(py, width, d2.to_vec());
         let found = self.function.call1(py, (&given,))?;
-        // Masks and whole numbers are weights, complex numbers are not.
-        let found = py.import("numpy")?.call_method1("asarray", (found,))?;
+        let found = interop(py)?.call_method1("weights", (found,))?;
+        // Truths and whole numbers are weights, complex numbers are not.
         let refused = |_| {
             let found = found.getattr("dtype").unwrap_or_else(|_| found.clone());
             let rule = "must be real numbers";
@@ -138,11 +148,16 @@ impl WeightKernel for Function {
     }
 
     fn fill_tile(&self, d2: &mut [f32], width: usize) {
-        if let Err(error) = Python::attach(|py| self.call(py, d2, width)) {
-            if let Ok(mut raised) = self.raised.lock() {
-                raised.get_or_insert(error);
+        match Python::try_attach(|py| self.call(py, d2, width)) {
+            Some(Ok(())) => {}
+            Some(Err(error)) => {
+                if let Ok(mut raised) = self.raised.lock() {
+                    raised.get_or_insert(error);
+                }
+                par::stop()
             }
-            par::stop();
+            // The interpreter is gone.
+            None => par::stop(),
         }
     }
 }
@@ -156,7 +171,7 @@ pub(super) fn kernel_weights<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
     let kernel = composite(kernel)?.resolved(Ok).map_err(exception)?;
     let mut d2 = squared_distances.to_vec()?;
-    py.detach(|| kernel.fill(&mut d2));
+    detached(py, || kernel.fill(&mut d2));
     Ok(PyArray1::from_vec(py, d2))
 }
 

@@ -52,6 +52,11 @@ def array(values: Any, name: str) -> Any:
     )
 
 
+def weights(found: Any) -> Any:
+    """A plain array of what a weight function returned; masked connections have no weight."""
+    return found.filled(0) if isinstance(found, np.ma.MaskedArray) else np.asarray(found)
+
+
 def moved(cloud: Any, transform: Any) -> Any:
     """`cloud`, of whatever kind, moved by a (4, 4) matrix: the same kind again."""
     from ._native import PointCloud, ShapeError

@@ -1,0 +1,86 @@
+//! Time without the interpreter, which may leave meanwhile.
+//!
+//! Daemon threads go on while Python exits, and one that then asks for the interpreter again
+//! is unwound by force, which aborts the process. So Python waits, before it finalizes, for
+//! all that is detached, and threads that would come back stay here until the process ends.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::SeqCst};
+use std::thread::{self, ThreadId};
+use std::time::{Duration, Instant};
+
+use pyo3::prelude::*;
+
+use crate::par;
+
+/// Longest wait at exit: a Python function that sleeps cannot be ended.
+const LONGEST: Duration = Duration::from_secs(5);
+/// Between two looks.
+const STEP: Duration = Duration::from_millis(5);
+
+/// Calls that are detached, in the process of that number: those of other threads do not
+/// follow into a fork.
+static DETACHED: AtomicUsize = AtomicUsize::new(0);
+static PROCESS: AtomicU32 = AtomicU32::new(0);
+
+/// The thread that ends the interpreter, once it does. Its own calls are still answered:
+/// Python runs functions while it ends.
+static ENDING: OnceLock<ThreadId> = OnceLock::new();
+
+/// Runs `work` without the interpreter, so that other threads have it.
+pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
+    py.detach(|| {
+        let _away = Away::new();
+        work()
+    })
+}
+
+/// Whether the interpreter ends, so that nobody waits for what this thread does.
+pub(super) fn ending() -> bool {
+    let elsewhere = |ending: &ThreadId| *ending != thread::current().id();
+    // Threads of a pool work for another, which decides.
+    ENDING.get().is_some_and(elsewhere) && !par::in_pool()
+}
+
+/// A thread is detached as long as this is there.
+struct Away;
+
+impl Away {
+    fn new() -> Self {
+        let process = std::process::id();
+        if PROCESS.swap(process, SeqCst) != process {
+            DETACHED.store(0, SeqCst);
+        }
+        DETACHED.fetch_add(1, SeqCst);
+        Away
+    }
+}
+
+impl Drop for Away {
+    fn drop(&mut self) {
+        DETACHED.fetch_sub(1, SeqCst);
+        while ending() {
+            thread::park();
+        }
+    }
+}
+
+/// Asks all calls of other threads to end, and waits for them. Run by atexit.
+#[pyfunction]
+fn end(py: Python<'_>) {
+    ENDING.get_or_init(|| thread::current().id());
+    let here = PROCESS.load(SeqCst) == std::process::id();
+    py.detach(|| {
+        let begun = Instant::now();
+        while here && DETACHED.load(SeqCst) > 0 && begun.elapsed() < LONGEST {
+            thread::sleep(STEP);
+        }
+    });
+}
+
+/// Has [`end`] run before the interpreter ends.
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let end = wrap_pyfunction!(end, module)?;
+    module.py().import("atexit")?.call_method1("register", (end,))?;
+    Ok(())
+}
