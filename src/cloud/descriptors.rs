@@ -43,8 +43,8 @@ impl Descriptors {
     ///
     /// # Errors
     /// [`Error::Shape`] as of [`new`](Self::new), [`Error::NonFinite`] with the row of the
-    /// first NaN or infinity, [`Error::Config`] for a value further than 1e18 from the mean:
-    /// f32 cannot hold its square.
+    /// first NaN or infinity, [`Error::Config`] for a value beyond ±1e18, whose square f32
+    /// cannot hold.
     ///
     /// ```
     /// let (source, target) = ([1e9, 1e9 + 1.0], [1e9 + 3.0]);
@@ -53,25 +53,25 @@ impl Descriptors {
     /// # Ok::<(), cfreg::Error>(())
     /// ```
     pub fn both(dim: usize, source: &[f64], target: &[f64]) -> Result<[Descriptors; 2]> {
+        for (name, side) in [("source_descriptors", source), ("target_descriptors", target)] {
+            if let Some(at) = side.iter().position(|value| !value.is_finite()) {
+                return Err(Error::NonFinite { what: name.into(), index: at / dim.max(1) });
+            }
+            if let Some(far) = side.iter().find(|value| value.abs() > 1e18) {
+                return Err(Error::config(name, format!("{far:e}"), "must be within +-1e18"));
+            }
+        }
         let mut mean = vec![0.0; dim];
         let rows = || [source, target].into_iter().flat_map(|side| side.chunks(dim.max(1)));
         let share = 1.0 / rows().count().max(1) as f64;
         for row in rows() {
             mean.iter_mut().zip(row).for_each(|(mean, value)| *mean += share * value);
         }
-        let side = |side: &str, values: &[f64]| {
-            if let Some(at) = values.iter().position(|value| !value.is_finite()) {
-                let what = format!("descriptors of the {side}");
-                return Err(Error::NonFinite { what, index: at / dim.max(1) });
-            }
+        let side = |values: &[f64]| {
             let local = values.iter().zip(mean.iter().cycle()).map(|(value, mean)| value - mean);
-            if let Some(far) = local.clone().find(|x| !(x.abs() <= 1e18)) {
-                let rule = "is too far from the mean of all descriptors: at most 1e18 will do";
-                return Err(Error::config("descriptors", format!("{far:e}"), rule));
-            }
             Descriptors::new(dim, local.map(|x| x as f32).collect())
         };
-        Ok([side("source", source)?, side("target", target)?])
+        Ok([side(source)?, side(target)?])
     }
 
     /// Number of rows N.
@@ -152,6 +152,16 @@ mod tests {
         let nan = Descriptors::new(2, vec![0.0, 0.0, 0.0, f32::NAN]);
         assert!(matches!(nan, Err(Error::NonFinite { index: 1, .. })));
         assert!(Descriptors::new(33, vec![]).unwrap().is_empty());
+    }
+
+    #[test]
+    fn what_f32_cannot_hold_is_refused_by_side() {
+        let both = |far| Descriptors::both(2, &[0.0; 4], &[0.0, 0.0, 0.0, far]).unwrap_err();
+        assert!(matches!(both(f64::NAN), Error::NonFinite { index: 1, .. }));
+        let message = "target_descriptors = 1e19: must be within +-1e18";
+        assert_eq!(both(1e19).to_string(), message);
+        assert!(matches!(Descriptors::both(0, &[1.0], &[]), Err(Error::Shape { .. })));
+        assert!(matches!(Descriptors::both(2, &[1.0], &[]), Err(Error::Shape { .. })));
     }
 
     #[test]

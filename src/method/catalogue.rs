@@ -10,7 +10,7 @@ use super::{
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::quality;
+use crate::{par, quality};
 
 /// A named method with its configuration: what `--method` chooses, and what a
 /// [`Registration`] carries as the record of how it was made.
@@ -79,15 +79,17 @@ impl Method {
     /// # Errors
     /// [`Error::Config`] that names the setting.
     pub fn validate(&self) -> Result<()> {
-        match self {
-            Method::Cf(method) => method.validate(),
-            Method::Cfk(method) => method.validate(),
-            Method::Icp(method) => method.validate(),
-            Method::Kc(method) => method.validate(),
-            Method::Cpd(method) => method.validate(),
-            Method::Dare(method) => method.validate(),
-            Method::Teaser(method) => method.validate(),
-        }
+        let (checked, threads) = match self {
+            Method::Cf(method) => (method.validate(), method.threads),
+            Method::Cfk(method) => (method.validate(), method.connection.threads),
+            Method::Icp(method) => (method.validate(), method.threads),
+            Method::Kc(method) => (method.validate(), method.threads),
+            Method::Cpd(method) => (method.validate(), method.threads),
+            Method::Dare(method) => (method.validate(), method.threads),
+            Method::Teaser(method) => (method.validate(), method.threads),
+        };
+        checked?;
+        par::check_threads(threads)
     }
 
     /// Agreement beyond chance below which a pose of the method is doubted.

@@ -26,12 +26,20 @@ pub struct Chain {
     refinements: Vec<Method>,
 }
 
+/// Most refinements: each carries the answers before it.
+const MOST_REFINEMENTS: usize = 32;
+
 impl Chain {
     /// `first`, then each of `refinements`.
     ///
     /// # Errors
-    /// [`Error::Config`] for a refinement that cannot start from a pose.
+    /// [`Error::Config`] for a refinement that cannot start from a pose, and for more than 32.
     pub fn new(first: Method, refinements: Vec<Method>) -> Result<Self> {
+        let count = refinements.len();
+        if count > MOST_REFINEMENTS {
+            let rule = format!("refinements: at most {MOST_REFINEMENTS} may follow each other");
+            return Err(Error::config("refine", count, rule));
+        }
         match refinements.iter().find(|method| method.as_refinement().is_none()) {
             Some(method) => {
                 let rule =

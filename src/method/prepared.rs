@@ -69,11 +69,19 @@ impl Describe {
     /// # Errors
     /// Those of [`Neighborhood::validate`].
     pub fn validate(&self) -> Result<()> {
+        let of = |name: &'static str, neighborhood: Option<Neighborhood>| {
+            let checked = neighborhood.map_or(Ok(()), |neighborhood| neighborhood.validate());
+            checked.map_err(|error| match error {
+                Error::Config { value, rule, .. } => Error::Config { field: name, value, rule },
+                other => other,
+            })
+        };
         self.neighborhood.validate()?;
-        let more = self.more_scales.iter();
-        let normals = more.clone().map(|scale| scale.normal_neighborhood);
-        let all = more.map(|scale| Some(scale.neighborhood)).chain(normals);
-        all.chain([self.normal_neighborhood]).flatten().try_for_each(|n| n.validate())
+        of("normal_neighbors", self.normal_neighborhood)?;
+        self.more_scales.iter().try_for_each(|scale| {
+            of("more_neighbors", Some(scale.neighborhood))?;
+            of("more_neighbors", scale.normal_neighborhood)
+        })
     }
 
     /// Describes `cloud`; `name` is what errors call it. Stage times are added to `times`.

@@ -105,6 +105,11 @@ impl Registration {
         }
         let needed = found.config.least_agreement();
         doubts.extend(quality::doubts(&evaluation, singular_values, needed));
+        let low = doubts.iter().any(|doubt| matches!(doubt, Doubt::LowAgreement { .. }));
+        let by_origin = |counts: &Counts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
+        if low && (by_origin(&found.points.source) || by_origin(&found.points.target)) {
+            doubts.push(Doubt::NoViewpoint);
+        }
         Ok(Registration {
             transform,
             method: found.config.name(),

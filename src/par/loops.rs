@@ -26,9 +26,7 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     if threads == 0 {
         return Ok(work());
     }
-    if threads > MOST_THREADS {
-        return Err(Error::config("threads", threads, format!("must be at most {MOST_THREADS}")));
-    }
+    check_threads(threads)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -38,6 +36,17 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
         let _entered = enter(&interrupt);
         work()
     }))
+}
+
+/// Refuses a number of threads that no machine has.
+///
+/// # Errors
+/// [`Error::Config`] for more than [`MOST_THREADS`].
+pub fn check_threads(threads: usize) -> Result<()> {
+    if threads > MOST_THREADS {
+        return Err(Error::config("threads", threads, format!("must be at most {MOST_THREADS}")));
+    }
+    Ok(())
 }
 
 /// Whether the caller is one of the threads that parallel loops run on. If it waits for

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyUntypedArray};
 use pyo3::PyTypeInfo;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyTuple;
@@ -200,9 +201,14 @@ impl PyCloud {
         copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let points = self.points(py)?;
-        let dtype = dtype.map_or_else(|| points.getattr("dtype"), Ok)?;
+        let own = points.getattr("dtype")?;
+        let dtype = dtype.unwrap_or_else(|| own.clone());
         match copy {
             Some(true) => points.call_method1("astype", (dtype,)),
+            Some(false) if !py.import("numpy")?.call_method1("dtype", (&dtype,))?.eq(&own)? => {
+                let message = format!("copy: the points are {own}, another type takes a copy");
+                Err(PyValueError::new_err(message))
+            }
             _ => py.import("numpy")?.call_method1("asarray", (points, dtype)),
         }
     }
@@ -268,6 +274,9 @@ impl PyCloud {
 /// Three numbers, six digits each.
 fn short(at: Vec3) -> String {
     let digits = |x: f64| {
+        if x.abs() >= 1e15 {
+            return format!("{x:.3e}");
+        }
         let text = format!("{x:.6}");
         let text = text.trim_end_matches('0').trim_end_matches('.');
         if x != 0.0 && text.trim_start_matches('-') == "0" {

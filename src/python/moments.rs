@@ -14,7 +14,7 @@ use super::errors::{SettingError, ShapeError, about, count, exception};
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{Descriptors, PointCloud};
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::math::Vec3;
 use crate::method::Cf;
 use crate::moments::{Described, FullConnection, Moments as Sums, WeightedPair, of_pairs};
@@ -186,7 +186,7 @@ pub(super) fn moments(
     source_descriptors: &Bound<'_, PyAny>,
     target_descriptors: &Bound<'_, PyAny>,
     weights: Option<&Bound<'_, PyAny>>,
-    beta: Option<Beta>,
+    beta: Option<&Bound<'_, PyAny>>,
     normalize: &str,
     tolerance: f64,
     threads: i64,
@@ -198,7 +198,7 @@ pub(super) fn moments(
         Some(weights) => Weights::read(weights, "weights")?,
         None => Weights::Named(Cf::default().weights),
     };
-    let beta = beta.map(Bandwidth::try_from).transpose().map_err(|error| about("beta", error))?;
+    let beta = beta.map(bandwidth).transpose()?;
     if matches!(weights, Weights::Own(_)) && beta.is_some() {
         return named("beta");
     }
@@ -242,20 +242,12 @@ fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a
 }
 
 /// A bandwidth: a number, or how to find it.
-#[derive(FromPyObject)]
-pub(super) enum Beta {
-    Number(f64),
-    Word(String),
-}
-
-impl TryFrom<Beta> for Bandwidth {
-    type Error = Error;
-    fn try_from(beta: Beta) -> Result<Self> {
-        match beta {
-            Beta::Number(beta) => Ok(beta.into()),
-            Beta::Word(text) => text.parse(),
-        }
+fn bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
+    if let Ok(number) = any.extract::<f64>() {
+        return Ok(number.into());
     }
+    let text = any.extract::<String>().or_else(|_| any.repr().map(|shown| shown.to_string()))?;
+    text.parse().map_err(|error| about("beta", error))
 }
 
 /// Sum over pairs that are listed: correspondences of one's own.

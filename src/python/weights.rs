@@ -46,8 +46,9 @@ impl Weights {
         if let Some(json) = any.getattr_opt("_json")?
             && let Some(json) = json.call0()?.extract::<Option<String>>()?
         {
+            // Of nothing but names and numbers; only the depth may be refused.
             let composite = serde_json::from_str(&json)
-                .map_err(|error| SettingError::new_err(format!("{name} = {json}: {error}")))?;
+                .map_err(|error| SettingError::new_err(format!("{name}: {error}")))?;
             return Ok(Weights::Own(OwnWeights::Composite(composite)));
         }
         if any.is_callable() {

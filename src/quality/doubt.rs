@@ -49,6 +49,9 @@ pub enum Doubt {
         /// [`MIN_AGREEMENT`] or [`MIN_AGREEMENT_BY_POSITION`].
         needed: f64,
     },
+    /// Beside [`LowAgreement`](Self::LowAgreement): no viewpoint is known of a cloud, so that its
+    /// normals point to the origin of its frame, wherever that is.
+    NoViewpoint,
     /// The weights hardly determine the rotation about one axis.
     WeakRotation {
         /// Second relative singular value.
@@ -127,6 +130,11 @@ impl fmt::Display for Doubt {
                 f,
                 "the clouds agree by {found:.2} beyond chance under this pose, {needed:.2} is \
                  needed: it is probably wrong, or the overlap is small"
+            ),
+            Doubt::NoViewpoint => write!(
+                f,
+                "no viewpoint is known, so normals point to the origin of the frame: if no sensor \
+                 stood there, say where it did, or try orientation outward"
             ),
             Doubt::WeakRotation { found, needed } => write!(
                 f,

@@ -77,7 +77,7 @@ pub fn evaluate(
 ) -> Result<Evaluation> {
     if !(max_distance >= 0.0 && max_distance.is_finite()) {
         let rule = "must be a finite distance, 0 or more";
-        return Err(Error::config("max-distance", max_distance, rule));
+        return Err(Error::config("max_distance", max_distance, rule));
     }
     for (cloud, name) in [(source, "the source"), (target, "the target")] {
         if cloud.is_empty() {

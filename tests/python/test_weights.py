@@ -78,7 +78,7 @@ class Kernels(unittest.TestCase):
         with self.assertRaisesRegex(cfreg.SettingError, '^beta = "wide": must be a number, auto'):
             w.Gaussian("wide")
         for wrong in ("cauchy", 1):
-            with self.assertRaisesRegex(TypeError, "^a kernel or a function is needed"):
+            with self.assertRaisesRegex(TypeError, "^weights: a kernel or a function is needed"):
                 w.Gaussian(1.0) + wrong
         with self.assertRaisesRegex(cfreg.SettingError, "beta = auto"):
             w.Gaussian("auto")([1.0])

@@ -17,23 +17,26 @@ import numpy as np
 def parts(cloud: Any, name: str) -> tuple[Any, Any]:
     """Points (N, 3) and normals (N, 3), or None, of whatever stands for a cloud; `name` is
     what an error calls it."""
-    if _is_tensor_cloud(cloud):
-        tensors = cloud.point
-        normals = tensors["normals"].cpu().numpy() if "normals" in tensors else None
-        return tensors["positions"].cpu().numpy(), normals
+    if isinstance(cloud, np.ndarray) or hasattr(cloud, "__dataframe__"):
+        # Of data frames the columns are attributes, under any name.
+        return array(cloud, name), None
+    tensors = _tensors(cloud)
+    if tensors is not None:
+        if "positions" not in tensors:
+            return np.zeros((0, 3), np.float32), None
+        normals = array(tensors["normals"], name) if "normals" in tensors else None
+        return array(tensors["positions"], name), normals
     if hasattr(cloud, "has_normals") and hasattr(cloud, "points"):  # Open3D
-        normals = np.asarray(cloud.normals) if cloud.has_normals() else None
-        return np.asarray(cloud.points), normals
+        return np.asarray(cloud.points), _some(cloud.normals)
     if hasattr(cloud, "point_data"):  # pyvista
         stored = cloud.point_data
         normals = np.asarray(stored["Normals"]) if "Normals" in stored else None
         return np.asarray(cloud.points), normals
-    if hasattr(cloud, "vertices"):  # trimesh; only meshes have normals
-        normals = getattr(cloud, "vertex_normals", None)
-        return np.asarray(cloud.vertices), None if normals is None else np.asarray(normals)
+    if hasattr(cloud, "vertices"):  # trimesh and meshes of Open3D
+        return np.asarray(cloud.vertices), _some(getattr(cloud, "vertex_normals", None))
     if callable(getattr(cloud, "points", None)):  # small_gicp: homogeneous, and its normals
         return np.asarray(cloud.points())[:, :3], None  # are not defined until estimated
-    if isinstance(cloud, np.ndarray) or hasattr(cloud, "__array__"):
+    if _is_array(cloud):
         return array(cloud, name), getattr(cloud, "normals", None)
     raise TypeError(
         f"{name} must be a numpy array (N, 3) of float32 or float64, or a point cloud of cfreg, "
@@ -45,11 +48,31 @@ def array(values: Any, name: str) -> Any:
     """A plain array for what is one in disguise; masked values become NaN."""
     if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "f":
         return values.filled(np.nan)
-    if isinstance(values, np.ndarray) or hasattr(values, "__array__"):
-        return np.asarray(values)
-    raise TypeError(
-        f"{name} must be a numpy array, not {type(values).__name__}: convert with numpy.asarray"
-    )
+    if not _is_array(values):
+        raise TypeError(
+            f"{name} must be a numpy array, not {type(values).__name__}: convert with numpy.asarray"
+        )
+    for step in ("detach", "cpu", "numpy"):  # tensors
+        if hasattr(values, step):
+            values = getattr(values, step)()
+    return np.asarray(values)
+
+
+def _is_array(values: Any) -> bool:
+    """Whether it is an array of numpy's, a tensor, or lies in memory as an array does."""
+    if hasattr(values, "__array__") or (hasattr(values, "cpu") and hasattr(values, "numpy")):
+        return True
+    try:
+        memoryview(values)
+    except TypeError:
+        return False
+    return True
+
+
+def _some(normals: Any) -> Any:
+    """Normals as an array, or None where there are none."""
+    normals = None if normals is None else np.asarray(normals)
+    return None if normals is None or len(normals) == 0 else normals
 
 
 def weights(found: Any) -> Any:
@@ -58,14 +81,15 @@ def weights(found: Any) -> Any:
 
 
 def moved(cloud: Any, transform: Any) -> Any:
-    """`cloud`, of whatever kind, moved by a (4, 4) matrix: the same kind again."""
+    """`cloud`, of whatever kind, moved by a (4, 4) matrix: the same kind again, but an array
+    for what only stands for one."""
     from ._native import PointCloud, ShapeError
 
     if isinstance(cloud, PointCloud):
         return cloud.transformed(transform)
-    if _is_tensor_cloud(cloud):
+    if _tensors(cloud) is not None:
         return cloud.clone().transform(transform)
-    if hasattr(cloud, "has_normals") and hasattr(cloud, "transform"):  # Open3D
+    if hasattr(cloud, "get_geometry_type"):  # Open3D
         return copy.deepcopy(cloud).transform(transform)
     if hasattr(cloud, "point_data"):  # pyvista
         return cloud.transform(transform, inplace=False)
@@ -75,9 +99,9 @@ def moved(cloud: Any, transform: Any) -> Any:
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"cloud: expected shape (N, 3), found {points.shape}")
     rows = points @ transform[:3, :3].T + transform[:3, 3]
-    if isinstance(cloud, np.ndarray):
-        return rows.astype(points.dtype) if points.dtype.kind == "f" else rows
-    return type(cloud)(rows)  # small_gicp
+    if callable(getattr(cloud, "points", None)):  # small_gicp
+        return type(cloud)(rows)
+    return rows.astype(points.dtype) if points.dtype.kind == "f" else rows
 
 
 def to_open3d(cloud: Any) -> Any:
@@ -131,6 +155,10 @@ def _plain(name: str, value: Any) -> Any:
     raise TypeError(f"{name}: {type(value).__name__} is no kind of value that settings have")
 
 
-def _is_tensor_cloud(cloud: Any) -> bool:
-    """Whether it is a cloud of open3d.t."""
-    return hasattr(cloud, "point") and not callable(cloud.point) and "positions" in cloud.point
+def _tensors(cloud: Any) -> Any:
+    """What a cloud or mesh of open3d.t has for every point, or None for others."""
+    for name in ("point", "vertex"):
+        tensors = getattr(cloud, name, None)
+        if hasattr(tensors, "primary_key"):
+            return tensors
+    return None

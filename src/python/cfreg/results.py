@@ -176,6 +176,7 @@ class Registration:
     _facts: dict[str, Any]
 
     def __init__(self, facts: dict[str, Any]) -> None:
+        own, facts = facts, copy.deepcopy(facts)  # what it shows may be written to
         transform = np.array(facts["transform"], dtype=np.float64)
         transform.setflags(write=False)
         before = facts.get("refined_from")
@@ -201,7 +202,7 @@ class Registration:
             trace=facts.get("trace", []),
             certificate=facts.get("certificate"),
             refined_from=None if before is None else Registration(before),
-            _facts=facts,
+            _facts=own,
         )
 
     def __setattr__(self, name: str, value: Any) -> None:

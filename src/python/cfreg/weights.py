@@ -3,8 +3,10 @@
 A kernel can be called on an array of squared distances, added to another, multiplied with
 another or by a number, and handed to `cfreg.moments`, `cfreg.CF` and `cfreg.CFK` as
 `weights`. There any function will do that is given an array (sources, targets) of squared
-distances, part by part, and returns as many weights; kernels of this module and what is put
-together of them run without Python, which is much faster.
+distances, part by part, and returns as many weights (where they are masked: 0); kernels of
+this module and what is put together of them run without Python, which is much faster. Functions
+are called in threads of their own, several at once: locks that the caller holds, its context
+variables and its numpy.errstate are not theirs.
 
 >>> from cfreg.weights import Gaussian, Tukey
 >>> Gaussian(beta=50)([0.0, 50.0]).round(4)
@@ -21,11 +23,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, ClassVar, Union
 
 import numpy as np
 
-from . import _native
+from . import _interop, _native
 
 if TYPE_CHECKING:  # takes as long as all the rest
     import numpy.typing as npt
@@ -64,7 +66,10 @@ def sinkhorn(rounds: int) -> str:
 
 
 class Kernel:
-    """A weight for every squared distance: what all kernels here are."""
+    """A weight for every squared distance: what all kernels here are.
+
+    A kernel of one's own is a subclass with its own `__call__`.
+    """
 
     def __call__(self, squared_distances: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Weights of an array of squared distances, of the same shape, as the connection
@@ -72,24 +77,35 @@ class Kernel:
 
         Raises SettingError for a bandwidth "auto", which only descriptors tell."""
         d2 = np.asarray(squared_distances, dtype=np.float32)
+        if self._spec() is None:
+            return self._in_python(d2)
         return _native.kernel_weights(self, d2.ravel()).reshape(d2.shape)
 
     def __add__(self, other: Union[Kernel, Weights]) -> Kernel:
-        return _Sum(self, _kernel(other))
+        return _Sum.of(self, other)
 
     def __radd__(self, other: Union[Weights, float]) -> Kernel:
         # sum() begins with 0.
-        return self if _is_number(other) and other == 0 else _Sum(_kernel(other), self)
+        return self if _is_number(other) and other == 0 else _Sum.of(other, self)
 
     def __mul__(self, other: Union[Kernel, Weights, float]) -> Kernel:
-        return _Times(_number(other), self) if _is_number(other) else _Product(self, _kernel(other))
+        return _Times.of(other, self) if _is_number(other) else _Product.of(self, other)
 
     def __rmul__(self, other: Union[Weights, float]) -> Kernel:
-        return _Times(_number(other), self) if _is_number(other) else _Product(_kernel(other), self)
+        return _Times.of(other, self) if _is_number(other) else _Product.of(other, self)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
 
     def _spec(self) -> Any:
-        """The kernel as the compiled part knows it; None where a Python function is in it."""
-        raise NotImplementedError
+        """The kernel as the compiled part knows it; None where only Python does."""
+        return self._compiled() if type(self).__call__ is Kernel.__call__ else None
+
+    def _compiled(self) -> Any:
+        return None
+
+    def _in_python(self, d2: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        raise TypeError(f"{type(self).__name__}: a kernel of one's own needs a __call__")
 
     def _json(self) -> str | None:
         spec = self._spec()
@@ -102,22 +118,19 @@ class Kernel:
 
 @dataclass(frozen=True)
 class _Catalogued(Kernel):
+    _name: ClassVar[str]
     beta: float | str = 100.0
 
     def __post_init__(self) -> None:
         if isinstance(self.beta, bool) or not isinstance(self.beta, (str, float, int, np.number)):
             raise TypeError(f"beta: a number or a word is needed, not {self.beta!r}")
-        spec = self._spec()
-        _native.settings("cf", json.dumps({"weights": spec["kernel"], "beta": spec["beta"]}))
+        kernel = self._compiled()
+        given = {"weights": kernel["kernel"], "beta": kernel["beta"]}
+        _native.settings("cf", _interop.to_json(given))
 
-    def _name(self) -> str:
-        raise NotImplementedError
-
-    def _spec(self) -> Any:
+    def _compiled(self) -> Any:
         beta = self.beta if isinstance(self.beta, str) else float(self.beta)
-        # What is not finite is refused as a word.
-        beta = str(beta) if isinstance(beta, float) and not np.isfinite(beta) else beta
-        return {"kernel": self._name(), "beta": beta}
+        return {"kernel": self._name, "beta": beta}
 
 
 class Gaussian(_Catalogued):
@@ -127,36 +140,31 @@ class Gaussian(_Catalogued):
         or "auto:SHARE", see `cfreg.moments`. The same for all kernels
     """
 
-    def _name(self) -> str:
-        return "gaussian"
+    _name = "gaussian"
 
 
 class Laplacian(_Catalogued):
     """exp(-d/sqrt(beta)): longer tails than the Gaussian, sharper at zero."""
 
-    def _name(self) -> str:
-        return "laplacian"
+    _name = "laplacian"
 
 
 class Cauchy(_Catalogued):
     """1/(1 + d^2/beta)."""
 
-    def _name(self) -> str:
-        return "cauchy"
+    _name = "cauchy"
 
 
 class GemanMcClure(_Catalogued):
     """1/(1 + d^2/beta)^2."""
 
-    def _name(self) -> str:
-        return "geman-mcclure"
+    _name = "geman-mcclure"
 
 
 class Truncated(_Catalogued):
     """1 up to d^2 = beta, 0 beyond."""
 
-    def _name(self) -> str:
-        return "truncated"
+    _name = "truncated"
 
 
 @dataclass(frozen=True)
@@ -166,24 +174,24 @@ class StudentT(_Catalogued):
     nu : degrees of freedom, above 0 to 1000: Cauchy at 1, towards exp(-d^2/(2 beta)) for many
     """
 
+    _name = "student-t"
     nu: float = 5.0
 
-    def _name(self) -> str:
-        return f"student-t:{self.nu}"
+    def _compiled(self) -> Any:
+        return {**super()._compiled(), "kernel": f"student-t:{self.nu}"}
 
 
 class Tukey(_Catalogued):
     """(1 - d^2/beta)^2 up to d^2 = beta, 0 beyond: the biweight."""
 
-    def _name(self) -> str:
-        return "tukey"
+    _name = "tukey"
 
 
 @dataclass(frozen=True)
 class Uniform(Kernel):
     """1 for every connection: the control of a study."""
 
-    def _spec(self) -> Any:
+    def _compiled(self) -> Any:
         return {"kernel": "uniform", "beta": 1.0}
 
 
@@ -191,12 +199,8 @@ class Uniform(Kernel):
 class _Function(Kernel):
     function: Weights
 
-    def __call__(self, squared_distances: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        d2 = np.asarray(squared_distances, dtype=np.float32)
-        return np.asarray(self.function(d2), dtype=np.float32)
-
-    def _spec(self) -> Any:
-        return None
+    def _in_python(self, d2: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return np.asarray(_interop.weights(self.function(d2)), dtype=np.float32)
 
     def __repr__(self) -> str:
         return getattr(self.function, "__name__", repr(self.function))
@@ -204,44 +208,41 @@ class _Function(Kernel):
 
 @dataclass(frozen=True)
 class _Joined(Kernel):
-    left: Kernel
-    right: Kernel
+    """Two or more kernels, none of them of the same kind: a + b + c is one sum."""
+
+    _operation: ClassVar[str]
+    _sign: ClassVar[str]
+    _join: ClassVar[Any]
+    parts: tuple[Kernel, ...]
+
+    @classmethod
+    def of(cls, *kernels: Any) -> Kernel:
+        parts: list[Kernel] = []
+        for kernel in map(_kernel, kernels):
+            parts.extend(kernel.parts if isinstance(kernel, cls) else [kernel])
+        return cls(tuple(parts))
 
     def __post_init__(self) -> None:
         self._check()
 
-    def _parts(self) -> list[Any] | None:
-        specs = [self.left._spec(), self.right._spec()]
-        return None if None in specs else specs
+    def _compiled(self) -> Any:
+        specs = [part._spec() for part in self.parts]
+        return None if None in specs else {self._operation: specs}
+
+    def _in_python(self, d2: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        joined: npt.NDArray[np.float32] = self._join.reduce([part(d2) for part in self.parts])
+        return joined
+
+    def __repr__(self) -> str:
+        return self._sign.join(map(_factor if self._sign == " * " else repr, self.parts))
 
 
 class _Sum(_Joined):
-    def __call__(self, squared_distances: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        if self._spec() is not None:
-            return super().__call__(squared_distances)
-        return self.left(squared_distances) + self.right(squared_distances)
-
-    def _spec(self) -> Any:
-        specs = self._parts()
-        return None if specs is None else {"sum": specs}
-
-    def __repr__(self) -> str:
-        return f"{self.left!r} + {self.right!r}"
+    _operation, _sign, _join = "sum", " + ", np.add
 
 
 class _Product(_Joined):
-    def __call__(self, squared_distances: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        if self._spec() is not None:
-            return super().__call__(squared_distances)
-        return self.left(squared_distances) * self.right(squared_distances)
-
-    def _spec(self) -> Any:
-        specs = self._parts()
-        return None if specs is None else {"product": specs}
-
-    def __repr__(self) -> str:
-        factors = (f"({part!r})" if isinstance(part, _Sum) else repr(part) for part in (self.left, self.right))
-        return " * ".join(factors)
+    _operation, _sign, _join = "product", " * ", np.multiply
 
 
 @dataclass(frozen=True)
@@ -249,36 +250,43 @@ class _Times(Kernel):
     factor: float
     kernel: Kernel
 
+    @classmethod
+    def of(cls, factor: Any, kernel: Kernel) -> Kernel:
+        if isinstance(kernel, cls):
+            return cls(float(factor) * kernel.factor, kernel.kernel)
+        return cls(float(factor), kernel)
+
     def __post_init__(self) -> None:
         if not (np.isfinite(self.factor) and self.factor >= 0.0):
             raise _native.SettingError(f"factor = {self.factor}: must be finite and not negative")
         self._check()
 
-    def __call__(self, squared_distances: npt.ArrayLike) -> npt.NDArray[np.float32]:
-        if self._spec() is not None:
-            return super().__call__(squared_distances)
-        return np.float32(self.factor) * self.kernel(squared_distances)
-
-    def _spec(self) -> Any:
+    def _compiled(self) -> Any:
         spec = self.kernel._spec()
         return None if spec is None else {"times": [self.factor, spec]}
 
+    def _in_python(self, d2: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return np.float32(self.factor) * self.kernel(d2)
+
     def __repr__(self) -> str:
-        kernel = f"({self.kernel!r})" if isinstance(self.kernel, _Sum) else repr(self.kernel)
-        return f"{self.factor:g} * {kernel}"
+        return f"{self.factor:g} * {_factor(self.kernel)}"
 
 
 def _kernel(weights: Any) -> Kernel:
     if isinstance(weights, Kernel):
         return weights
+    if isinstance(weights, type):
+        name = weights.__name__
+        raise TypeError(f"weights: {name} is a class: make a kernel of it first, {name}(...)")
     if callable(weights):
         return _Function(weights)
-    raise TypeError(f"a kernel or a function is needed, not {weights!r} (numbers only multiply)")
+    rule = "a kernel or a function is needed; numbers only multiply"
+    raise TypeError(f"weights: {rule}, not {weights!r}")
+
+
+def _factor(kernel: Kernel) -> str:
+    return f"({kernel!r})" if isinstance(kernel, _Sum) else repr(kernel)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-
-
-def _number(value: Any) -> float:
-    return float(value)

@@ -130,12 +130,17 @@ class Describing(Method):
             value = getattr(self, name)
             if isinstance(value, (list, np.ndarray)):
                 object.__setattr__(self, name, tuple(value if isinstance(value, list) else value.tolist()))
+        if not isinstance(self.orientation, str) and np.shape(self.orientation) != (3,):
+            rule = "must be viewpoint, outward, stored or three numbers"
+            raise _native.SettingError(f"orientation = {self.orientation}: {rule}")
         super().__post_init__()
 
     def _given(self) -> dict[str, Any]:
         given = super()._given()
         if self.radius is not None:
-            del given["neighbors"]
+            if given.pop("neighbors") != Describing.neighbors:
+                rule = "radius takes its place: leave one of them out"
+                raise _native.SettingError(f"neighbors = {self.neighbors}: {rule}")
         if not isinstance(self.orientation, str):
             given["viewpoint"] = given.pop("orientation")
         return given

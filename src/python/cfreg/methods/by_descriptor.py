@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _native
 from ..results import Registration
-from ..weights import Kernel, Weights, _Catalogued
+from ..weights import Kernel, Weights, _kernel
 from .base import Describing, Refinements
 
 if TYPE_CHECKING:
@@ -65,38 +65,44 @@ class CF(Describing):
         }
         if isinstance(settings.get("weights", ""), str):  # others have their own bandwidth
             preset["beta"] = "auto"
+        if settings.get("radius") is not None:
+            del preset["neighbors"]
         return cls(**{**preset, **settings})
 
-    def _own_weights(self) -> bool:
-        """Whether the weights are no kernel of the catalogue."""
-        return not isinstance(self.weights, (str, _Catalogued))
+    def _own_weights(self) -> Kernel | None:
+        """The weights, where they are no kernel of the catalogue."""
+        if isinstance(self.weights, str):
+            return None
+        weights = _kernel(self.weights)
+        return None if _named(weights) else weights
 
     def _given(self) -> dict[str, Any]:
         given = super()._given()
-        if not isinstance(self.weights, str):
-            for name in ("beta",) if not self._own_weights() else ("beta", "tolerance"):
-                if given[name]:
-                    rule = "only for weights that are a name; these have their own"
-                    raise _native.SettingError(f"{name} = {given[name]}: {rule}")
-        if isinstance(self.weights, _Catalogued):
-            spec = self.weights._spec()
-            given["weights"], given["beta"] = spec["kernel"], spec["beta"]
-        elif self._own_weights():
-            if not callable(self.weights):
-                kind = type(self.weights).__name__
-                raise TypeError(f"weights must be a name, a kernel or a function, not {kind}")
-            # The compiled part knows them only while it registers.
-            del given["weights"]
+        if isinstance(self.weights, str):
+            return given
+        self._only_beside_names("beta", self.beta is not None)
+        named = _named(_kernel(self.weights))
+        if named is not None:
+            return {**given, "weights": named["kernel"], "beta": named["beta"]}
+        self._only_beside_names("tolerance", self.tolerance != 0.0)
+        # The compiled part knows them only while it registers.
+        del given["weights"]
         return given
+
+    def _only_beside_names(self, setting: str, given: bool) -> None:
+        if given:
+            rule = "only for weights that are a name; these have their own"
+            raise _native.SettingError(f"{setting} = {getattr(self, setting)}: {rule}")
 
     def _register(
         self, source: Any, target: Any, refine: Refinements, **others: Any
     ) -> Registration:
-        if not self._own_weights():
+        weights = self._own_weights()
+        if weights is None:
             return super()._register(source, target, refine, **others)
-        weights = {"weights": self.weights, "normalize": self.normalize}
-        found = super()._register(source, target, refine, **weights, **others)
-        return found._weighed_by(_named(self.weights), self.normalize)
+        others = {"weights": self.weights, "normalize": self.normalize, **others}
+        found = super()._register(source, target, refine, **others)
+        return found._weighed_by(repr(weights), self.normalize)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -155,6 +161,7 @@ class TEASER(Describing):
         return self._register(source, target, refine, matches=matches)
 
 
-def _named(weights: Any) -> str:
-    """Kernels tell themselves; of functions the name, not the address."""
-    return repr(weights) if isinstance(weights, Kernel) else getattr(weights, "__name__", repr(weights))
+def _named(kernel: Kernel) -> dict[str, Any] | None:
+    """Name and bandwidth of a kernel of the catalogue."""
+    spec: dict[str, Any] | None = kernel._spec()
+    return spec if spec is not None and "kernel" in spec else None
