@@ -46,10 +46,7 @@ impl Weights {
         if let Some(json) = any.getattr_opt("_json")?
             && let Some(json) = json.call0()?.extract::<Option<String>>()?
         {
-            // Of nothing but names and numbers; only the depth may be refused.
-            let composite = serde_json::from_str(&json)
-                .map_err(|error| SettingError::new_err(format!("{name}: {error}")))?;
-            return Ok(Weights::Own(OwnWeights::Composite(composite)));
+            return Ok(Weights::Own(OwnWeights::Composite(composite(&json, name)?)));
         }
         if any.is_callable() {
             return Ok(Weights::Own(OwnWeights::Function(Function::new(any.clone().unbind()))));
@@ -163,33 +160,34 @@ impl WeightKernel for Function {
     }
 }
 
-/// Weights (N,) of squared distances (N,) float32, as the connection computes them.
+/// Weights (N,) of squared distances (N,) float32, as the connection computes them; of a
+/// kernel in JSON.
 #[pyfunction]
 pub(super) fn kernel_weights<'py>(
     py: Python<'py>,
-    kernel: &Bound<'py, PyAny>,
+    kernel: &str,
     squared_distances: &Bound<'py, PyArray1<f32>>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-    let kernel = composite(kernel)?.resolved(Ok).map_err(exception)?;
+    let kernel = composite(kernel, "kernel")?.resolved(Ok).map_err(exception)?;
     let mut d2 = squared_distances.to_vec()?;
     detached(py, || kernel.fill(&mut d2));
     Ok(PyArray1::from_vec(py, d2))
 }
 
-/// Refuses a kernel that connections cannot be weighed with.
+/// Refuses a kernel, in JSON, that connections cannot be weighed with.
 #[pyfunction]
-pub(super) fn check_kernel(kernel: &Bound<'_, PyAny>) -> PyResult<()> {
+pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
     // What descriptors will tell is within the range.
     let any = |bandwidth: Bandwidth| match bandwidth {
         Bandwidth::Fixed(beta) => Ok(beta),
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
     };
-    composite(kernel)?.resolved(any).map(|_| ()).map_err(exception)
+    composite(kernel, "kernel")?.resolved(any).map(|_| ()).map_err(exception)
 }
 
-fn composite(kernel: &Bound<'_, PyAny>) -> PyResult<Composite> {
-    match Weights::read(kernel, "kernel")? {
-        Weights::Own(OwnWeights::Composite(composite)) => Ok(composite),
-        _ => Err(PyTypeError::new_err("kernel: must be one of cfreg.weights")),
-    }
+/// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call
+/// it.
+fn composite(json: &str, name: &str) -> PyResult<Composite> {
+    let refused = |error| SettingError::new_err(format!("{name}: {error}"));
+    serde_json::from_str(json).map_err(refused)
 }

@@ -124,6 +124,10 @@ class Cloud(unittest.TestCase):
         self.assertIs(cloud.normals, cloud.normals)
         self.assertIs(np.asarray(cloud), cloud.points)
         self.assertEqual(np.array(cloud, dtype=np.float64).dtype, np.float64)
+        self.assertIs(cloud.__array__(copy=False), cloud.points)
+        other = np.float64 if cloud.points.dtype == np.float32 else np.float32
+        with self.assertRaisesRegex(ValueError, "^copy: "):
+            cloud.__array__(other, copy=False)
         with self.assertRaises(AttributeError):
             cloud.points = self.points
 
@@ -251,6 +255,14 @@ class Interop(unittest.TestCase):
         self.taken(tensors)
         self.returned(tensors, lambda cloud: cloud.point.positions.numpy())
         self.taken(open3d.geometry.PointCloud(cloud.points), normals=False)
+        # Bare vectors and tensors are arrays.
+        self.taken(cloud.points, normals=False)
+        self.taken(open3d.core.Tensor(self.points), normals=False)
+        self.assertEqual(len(cfreg.PointCloud(open3d.t.geometry.PointCloud())), 0)
+        ball = open3d.geometry.TriangleMesh.create_sphere()
+        for mesh in (ball, open3d.t.geometry.TriangleMesh.from_legacy(ball)):
+            self.assertIsNone(cfreg.PointCloud(mesh).normals)
+            self.assertIs(type(self.found.apply(mesh)), type(mesh))
         # The pose is taken as it is.
         target = self.found.apply(cloud)
         measured = open3d.pipelines.registration.evaluate_registration(
@@ -292,6 +304,22 @@ class Interop(unittest.TestCase):
         cloud = cfreg.PointCloud(self.points, self.normals).to_pyvista()
         self.taken(cloud)
         self.returned(cloud, lambda cloud: np.asarray(cloud.points))
+
+    def test_data_frames(self):
+        """Their columns are attributes, whatever they are called."""
+        class Frame:
+            def __init__(self, rows):
+                self.vertices = self.normals = rows[:, 0]
+                self.rows = rows
+
+            def __dataframe__(self):
+                raise NotImplementedError
+
+            def __array__(self, dtype=None, copy=None):
+                return self.rows
+
+        self.assertEqual(cfreg.PointCloud(Frame(self.points)), cfreg.PointCloud(self.points))
+        np.testing.assert_allclose(self.found.apply(Frame(self.points)), self.moved, atol=1e-6)
 
     def test_what_only_looks_like_one_is_refused(self):
         for odd in (SimpleNamespace(points=3), SimpleNamespace(vertices=None), [[0.0, 0.0, 0.0]]):

@@ -79,7 +79,8 @@ class Moments(unittest.TestCase):
             "source_points": lambda: cfreg.moments(np.full_like(p, np.inf), p, d, d),
             "target_points": lambda: cfreg.moments(p, p * 1e20, d, d),
             "source_descriptors.* row 3": lambda: cfreg.moments(p, p, hole, d),
-            "target_descriptors": lambda: cfreg.moments(p, p, d, huge),
+            "target_descriptors = 1e300: must be within": lambda: cfreg.moments(p, p, d, huge),
+            r"beta = \[5\]: must be a number": lambda: self.weigh(beta=[5]),
             "target_descriptors.*300.*299": lambda: cfreg.moments(p, p, d, d[1:]),
             "source_descriptors: ": lambda: cfreg.moments(p, p, d[:, :0], d),
             "columns of target_descriptors": lambda: cfreg.moments(p, p, d, d[:, 1:]),
@@ -130,6 +131,12 @@ class Moments(unittest.TestCase):
         self.assertEqual(cfreg.moments_of_pairs(self.points, self.moved, pairs).weight, 300.0)
         for argument, call in {
             "pairs: expected shape": lambda: cfreg.moments_of_pairs(self.points, self.moved, pairs[0]),
+            "pairs: 18446744073709551615": lambda: cfreg.moments_of_pairs(
+                self.points, self.moved, np.full((1, 2), 2**64 - 1, dtype=np.uint64)
+            ),
+            "weights: expected shape": lambda: cfreg.moments_of_pairs(
+                self.points, self.moved, pairs, np.ones((150, 2))
+            ),
             "pairs: -1": lambda: cfreg.moments_of_pairs(self.points, self.moved, pairs - 1),
             "points of the target, for a pair with its point 9: expected 10, found 9": lambda: cfreg.moments_of_pairs(self.points, self.moved[:9], pairs),
             "weights: expected 300": lambda: cfreg.moments_of_pairs(
@@ -138,6 +145,15 @@ class Moments(unittest.TestCase):
             "weights = -1": lambda: cfreg.moments_of_pairs(self.points, self.moved, pairs, weights - 1.0),
         }.items():
             with self.subTest(argument), self.assertRaisesRegex(ValueError, f"^{argument}"):
+                call()
+        # Rows of a cloud that has left some out are not those of its array.
+        holed = self.points.copy()
+        holed[3] = np.nan
+        for call in (
+            lambda: cfreg.moments_of_pairs(cfreg.PointCloud(holed), self.moved, pairs[:9]),
+            lambda: cfreg.register(self.points, cfreg.PointCloud(holed), "teaser", matches=pairs[:9]),
+        ):
+            with self.assertRaisesRegex(cfreg.ShapeError, "^(source_points|target): .* left out 1 rows"):
                 call()
         with self.assertRaisesRegex(TypeError, "^pairs must be integers"):
             cfreg.moments_of_pairs(self.points, self.moved, pairs.astype(float))
@@ -161,6 +177,15 @@ class Moments(unittest.TestCase):
             left_out = 1.0 - weight(tolerance) / exact
             # Something is left out, or there would be nothing to promise.
             self.assertTrue(1e-12 < left_out <= tolerance, f"{tolerance}: {left_out}")
+
+    def test_descriptors_far_from_zero_keep_their_differences(self):
+        near = np.arange(300.0)[:, None] * 0.1
+        weigh = lambda *sides: cfreg.moments(self.points, self.points, *sides, beta=0.01).weight
+        expected = weigh(near, near)
+        self.assertAlmostEqual(weigh(near + 5.6e6, near + 5.6e6), expected, delta=1e-5 * expected)
+        # Also where one side alone is float64.
+        mixed = weigh((near + 1e3).astype(np.float32), near + 1e3)
+        self.assertAlmostEqual(mixed, expected, delta=1e-2 * expected)
 
     def test_threads_change_no_bit(self):
         for normalize in ("none", "both", "sinkhorn:3"):

@@ -206,14 +206,17 @@ class Settings(unittest.TestCase):
             "solver": [{"solver": "x"}],
             "scale": [{"scale": "none"}],
             "histogram": [{"histogram": "x"}],
-            "viewpoint": [{"orientation": (0.0, np.nan, 0.0)}, {"orientation": (0.0, 1.0)}],
-            "orientation": [{"orientation": "up"}],
-            "threads": [{"threads": -1}],
+            "viewpoint": [{"orientation": (0.0, np.nan, 0.0)}],
+            "orientation": [{"orientation": "up"}, {"orientation": (0.0, 1.0)}, {"orientation": 5}],
+            "normal_neighbors": [{"normal_neighbors": 1}],
+            "more_neighbors": [{"more_neighbors": [2]}],
+            "threads": [{"threads": -1}, {"threads": 100_000}],
             "tolerance": [{"tolerance": -0.1}, {"tolerance": 1.0}, {"tolerance": np.nan}],
             "radius": [{"radius": 0.0}],
+            "neighbors = 10: radius": [{"radius": 0.1, "neighbors": 10}],
         }.items():
             for wrong in settings:
-                with self.subTest(repr(wrong)), self.assertRaisesRegex(cfreg.SettingError, f"^{name} = "):
+                with self.subTest(repr(wrong)), self.assertRaisesRegex(cfreg.SettingError, f"^{name}( = |)"):
                     cfreg.CF(**wrong)
         for make, name in (
             (lambda: cfreg.ICP(keep=1.5), "keep"),
@@ -240,6 +243,7 @@ class Settings(unittest.TestCase):
             "beta = 3: the method was made already": lambda: register(cfreg.CF(), beta=3),
             "initial: cf starts from no pose": lambda: register(initial=np.eye(4)),
             "matches: icp takes none": lambda: register("icp", matches=[[0, 0]]),
+            "refine = 33: refinements": lambda: register(refine=["icp"] * 33),
             "initial = ": lambda: register("icp", initial=np.zeros((4, 4))),
             "initial: must be a": lambda: register("icp", initial=np.eye(3)),
         }.items():

@@ -54,6 +54,16 @@ class Registration(unittest.TestCase):
         for name in ("trusted", "transform", "mine"):
             with self.assertRaisesRegex(AttributeError, f"^{name}"):
                 setattr(self.found, name, True)
+        before = self.found.to_json()
+        self.found.config["beta"] = self.found.seconds["total"] = 7
+        self.assertEqual(self.found.to_json(), before)
+
+    def test_a_doubt_names_the_viewpoint_that_nobody_knows(self):
+        self.assertIn("no-viewpoint", [doubt.ground for doubt in self.wrong.doubts])
+        noise = cfreg.PointCloud(np.random.default_rng(0).random((300, 3)), viewpoint=(0, 0, 9))
+        known = cfreg.register(cfreg.PointCloud(terrain(300), viewpoint=(0, 0, 9)), noise)
+        grounds = [doubt.ground for doubt in known.doubts]
+        self.assertTrue("low-agreement" in grounds and "no-viewpoint" not in grounds, grounds)
 
     def test_the_same_again_is_equal_but_for_the_time(self):
         points = terrain(200)

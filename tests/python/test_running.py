@@ -112,6 +112,27 @@ class Threads(unittest.TestCase):
             for found in pool.map(work, range(24)):
                 np.testing.assert_array_equal(found.transform, alone.transform)
 
+    def test_a_function_may_wait_for_a_lock_that_another_call_is_made_under(self):
+        lock, held = threading.Lock(), threading.Event()
+        many = terrain(6000)
+
+        def call():
+            with lock:
+                held.set()
+                time.sleep(0.2)
+                cfreg.fpfh(many)
+
+        def wait(d2):
+            with lock:
+                return np.ones(d2.shape)
+
+        few = terrain(300)
+        with ThreadPoolExecutor(1) as pool:
+            other = pool.submit(call)
+            self.assertTrue(held.wait(60))
+            self.assertEqual(cfreg.moments(few, few, few, few, weights=wait).weight, 300 * 300)
+            other.result(timeout=120)
+
     def test_arrays_may_be_written_to_meanwhile(self):
         points = terrain(3000)
         expected = cfreg.fpfh(points.copy())
@@ -217,6 +238,24 @@ class Processes(unittest.TestCase):
             "assert all((a == test_running.pose(i)).all() for i, a in enumerate(poses))\n"
         )
         subprocess.run([sys.executable, "-c", program], check=True, timeout=120, cwd=Path(__file__).parent)
+
+    def test_python_ends_whatever_its_daemons_do(self):
+        program = (
+            "import threading, time, numpy as np\n"
+            "import atexit\n"
+            "atexit.register(lambda: print(cfreg.fpfh(points, 20).shape))\n"  # the last to run
+            "import cfreg\n"
+            "points = np.random.default_rng(0).random((400, 3))\n"
+            "def plain():\n"
+            "    while True: cfreg.register(cfreg.PointCloud(points), points, neighbors=20)\n"
+            "def function():\n"
+            "    while True: cfreg.moments(points, points, points, points, weights=lambda d2: np.exp(-d2))\n"
+            "for work in [plain, function] * 2: threading.Thread(target=work, daemon=True).start()\n"
+            "time.sleep(0.2)\n"
+        )
+        for _ in range(10):
+            ended = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=60)
+            self.assertEqual((ended.returncode, ended.stdout, ended.stderr), (0, b"(400, 33)\n", b""))
 
     def test_results_and_clouds_go_between_processes(self):
         cloud = cfreg.PointCloud(terrain(300))

@@ -126,6 +126,43 @@ class Weighing(unittest.TestCase):
         least = self.weigh(lambda d2: d2 < 50)
         self.same(least, self.weigh(w.Truncated(50)), 1e-3)
         self.assertEqual(self.weigh(lambda d2: np.full(d2.shape, 2)).weight, 2 * 700 * 700)
+        # What is masked is no connection.
+        self.same(self.weigh(lambda d2: np.ma.masked_array(d2 * 0 + 1, mask=d2 >= 50)), least, 1e-12)
+
+    def test_a_kernel_of_ones_own_is_its_call(self):
+        class Steep(w.Kernel):
+            def __call__(self, d2):
+                return (np.asarray(d2) < 50).astype(np.float32)
+
+        class Twice(w.Gaussian):
+            def __call__(self, d2):
+                return 2 * super().__call__(d2)
+
+        class Empty(w.Kernel):
+            pass
+
+        self.same(self.weigh(Steep()), self.weigh(lambda d2: d2 < 50), 1e-12)
+        self.assertEqual(repr(Steep() + w.Uniform()), "Steep() + Uniform()")
+        once = w.Gaussian(50)([0.0, 50.0])
+        np.testing.assert_array_equal(Twice(50)([0.0, 50.0]), 2 * once)
+        np.testing.assert_array_equal((Twice(50) + w.Gaussian(50))([0.0, 50.0]), 3 * once)
+        self.same(self.weigh(Twice(50)), self.weigh(2 * w.Gaussian(50)), 1e-6)
+        with self.assertRaisesRegex(TypeError, "^Empty: .*__call__"):
+            self.weigh(Empty())
+
+    def test_any_number_of_kernels_are_one_sum(self):
+        many = sum(w.Gaussian(beta) for beta in range(1, 301))
+        expected = np.exp(-3.0 / np.arange(1, 301)).sum()
+        self.assertAlmostEqual(float(many([3.0])[0]), expected, delta=1e-4 * expected)
+        self.assertGreater(self.weigh(many).weight, self.weigh(w.Gaussian(300)).weight)
+        shrunk = w.Gaussian(50)
+        for _ in range(2000):
+            shrunk = 0.999 * shrunk
+        self.assertEqual(repr(shrunk), "0.1352 * Gaussian(beta=50)")
+        deep = w.Gaussian(1)
+        with self.assertRaisesRegex(cfreg.SettingError, "^kernel: recursion limit"):
+            for _ in range(200):
+                deep = deep * w.Gaussian(2) + w.Gaussian(3)
 
     def test_automatic_bandwidths_are_found_within(self):
         beta = cfreg.register(self.source, self.target, beta="auto").beta
@@ -154,7 +191,7 @@ class Weighing(unittest.TestCase):
             with self.assertRaisesRegex(ValueError, f"^weights: .*{error}"):
                 self.weigh(wrong)
         for wrong, error in (
-            (3, "^weights must be"),
+            (3, "^weights must be a name, a kernel"),
             (w.Gaussian, r"^weights: Gaussian is a class: .*Gaussian\(...\)"),
             (lambda d2: d2 + 1j, "^weights: the function returned complex64"),
             (lambda d2: None, "^weights: the function returned object"),
@@ -197,6 +234,7 @@ class Weighing(unittest.TestCase):
             lambda: self.weigh(w.Gaussian(60), beta=50),
             lambda: cfreg.CF(weights=w.Gaussian(60), beta=50),
             lambda: cfreg.CF(weights=lambda d2: d2, beta=50),
+            lambda: cfreg.CF(weights=w.Gaussian(60), beta=0.0),
         ):
             with self.assertRaisesRegex(cfreg.SettingError, "^beta"):
                 call()

@@ -77,9 +77,10 @@ class Kernel:
 
         Raises SettingError for a bandwidth "auto", which only descriptors tell."""
         d2 = np.asarray(squared_distances, dtype=np.float32)
-        if self._spec() is None:
+        spec = self._compiled()
+        if spec is None:
             return self._in_python(d2)
-        return _native.kernel_weights(self, d2.ravel()).reshape(d2.shape)
+        return _native.kernel_weights(json.dumps(spec), d2.ravel()).reshape(d2.shape)
 
     def __add__(self, other: Union[Kernel, Weights]) -> Kernel:
         return _Sum.of(self, other)
@@ -112,8 +113,9 @@ class Kernel:
         return None if spec is None else json.dumps(spec)
 
     def _check(self) -> None:
-        if self._spec() is not None:
-            _native.check_kernel(self)
+        spec = self._compiled()
+        if spec is not None:
+            _native.check_kernel(json.dumps(spec))
 
 
 @dataclass(frozen=True)
