@@ -9,6 +9,7 @@ archives are downloaded. Every file is checked against its sha256 before it is p
 Only Python's standard library is needed.
 """
 
+import argparse
 import hashlib
 import io
 import json
@@ -104,4 +105,6 @@ def main(names):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("names", nargs="*", metavar="NAME", help="a scan; all of them by default")
+    sys.exit(main(arguments.parse_args().names))

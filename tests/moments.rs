@@ -6,7 +6,7 @@ use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::par;
 use cfreg::weight::{Normalization, WeightScheme};
 use common::compare::moments_differ_by;
-use common::sides::{KERNELS, NORMALIZATIONS, Side, beta};
+use common::sides::{NORMALIZATIONS, Side, beta};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rand::SeedableRng;
@@ -67,7 +67,7 @@ fn connect([source, target]: &[Side; 2]) -> FullConnection {
 /// has weight.
 fn outcomes(sides: &[Side; 2], beta: f64) -> Vec<(WeightScheme, Normalization, Option<Moments>)> {
     let connection = connect(sides);
-    let cases = KERNELS.into_iter().flat_map(|k| NORMALIZATIONS.map(|n| (k, n)));
+    let cases = WeightScheme::ALL.into_iter().flat_map(|k| NORMALIZATIONS.map(|n| (k, n)));
     cases.map(|(k, n)| (k, n, connection.scheme_moments(k, beta, n).ok())).collect()
 }
 

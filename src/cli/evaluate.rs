@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use serde::Serialize;
 
 use super::options::Thinning;
 use super::{Outcome, print, print_json};
 use crate::error::Result;
 use crate::io;
-use crate::quality::{self, Evaluation, TruthError};
+use crate::quality::{self, Judgement};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -34,56 +33,42 @@ pub(super) struct Evaluate {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Judgement {
-    #[serde(flatten)]
-    evaluation: Evaluation,
-    truth: Option<TruthError>,
-}
-
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
         let source = self.thinning.read(&self.source, 0)?;
         let target = self.thinning.read(&self.target, 1)?;
-        let distance = match self.max_distance {
-            Some(distance) => distance,
-            None => quality::default_distance(&source, &target, transform.scale)?,
-        };
-        let evaluation = quality::evaluate(&source, &target, &transform, distance)?;
-        let truth = truth.map(|truth| quality::truth_error(&transform, &truth, source.centroid()));
-        let judgement = Judgement { evaluation, truth };
+        let judgement =
+            quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         if self.json {
             print_json(&judgement)?;
         } else {
-            print(&judgement.text())?;
+            print(&text(&judgement))?;
         }
         Ok(Outcome::Trusted)
     }
 }
 
-impl Judgement {
-    fn text(&self) -> String {
-        let e = &self.evaluation;
-        let mut lines = vec![
-            format!(
-                "fitness               {:.6} of the source points within {:.6}",
-                e.fitness, e.max_distance
-            ),
-            format!("target fitness        {:.6} of the target points", e.target_fitness),
-            format!("inlier RMSE           {:.6}", e.inlier_rmse),
-            format!("chance                {:.6} (fitness of wrong rotations)", e.chance),
-            format!("agreement             {:.6} (fitness beyond chance)", e.agreement()),
-        ];
-        if let Some(truth) = &self.truth {
-            lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));
-            lines.push(format!("||I - R Rgt^T||_F     {:.6}", truth.rotation_frobenius));
-            lines.push(format!(
-                "translation error     {:.6} at the source's centroid",
-                truth.translation
-            ));
-        }
-        lines.join("\n") + "\n"
+fn text(judgement: &Judgement) -> String {
+    let e = &judgement.evaluation;
+    let mut lines = vec![
+        format!(
+            "fitness               {:.6} of the source points within {:.6}",
+            e.fitness, e.max_distance
+        ),
+        format!("target fitness        {:.6} of the target points", e.target_fitness),
+        format!("inlier RMSE           {:.6}", e.inlier_rmse),
+        format!("chance                {:.6} (fitness of wrong rotations)", e.chance),
+        format!("agreement             {:.6} (fitness beyond chance)", e.agreement()),
+    ];
+    if let Some(truth) = &judgement.truth {
+        lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));
+        lines.push(format!("||I - R Rgt^T||_F     {:.6}", truth.rotation_frobenius));
+        lines.push(format!(
+            "translation error     {:.6} at the source's centroid",
+            truth.translation
+        ));
     }
+    lines.join("\n") + "\n"
 }

@@ -148,7 +148,8 @@ pub(super) fn column_for(
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if shape.len() != 1 && shape != [points, 1] {
         let found = array.getattr("shape")?;
-        let message = format!("{name}: expected shape ({points},), as {owner} has rows, found {found}");
+        let message =
+            format!("{name}: expected shape ({points},), as {owner} has rows, found {found}");
         return Err(ShapeError::new_err(message));
     }
     let column = array.call_method1("reshape", (-1, 1))?;

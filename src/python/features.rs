@@ -85,7 +85,7 @@ pub(super) fn estimate_normals<'py>(
 ///
 /// Returns
 /// -------
-/// (K,) uint64, rows of points, ascending
+/// (K,) uint64, rows of points, ascending; of a PointCloud rows of its `points`
 ///
 /// Raises
 /// ------
@@ -150,8 +150,8 @@ pub(super) fn keypoints<'py>(
 ///
 /// Returns
 /// -------
-/// (N, 33) float32; a row is zero where nothing can be told, as for a point without
-/// others around it
+/// (N, 33) float32; a row is zero for a point without others around it. Pairs that tell
+/// nothing (equal places, a normal that is zero as on a line) count in the middle bins
 ///
 /// Raises
 /// ------

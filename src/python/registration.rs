@@ -130,24 +130,13 @@ pub(super) fn evaluate(
     max_distance: Option<f64>,
     truth: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    #[derive(Serialize)]
-    struct Judgement {
-        evaluation: quality::Evaluation,
-        truth: Option<quality::TruthError>,
-    }
     let transform = pose(transform, "transform")?;
     let truth = truth.map(|truth| pose(truth, "truth")).transpose()?;
     let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    let judgement = released(py, || {
-        let distance = max_distance
-            .map_or_else(|| quality::default_distance(source, target, transform.scale), Ok)?;
-        Ok(Judgement {
-            evaluation: quality::evaluate(source, target, &transform, distance)?,
-            truth: truth.map(|truth| quality::truth_error(&transform, &truth, source.centroid())),
-        })
-    })?;
+    let judgement =
+        released(py, || quality::judge(source, target, &transform, max_distance, truth.as_ref()))?;
     to_json(&judgement)
 }
 

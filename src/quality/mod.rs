@@ -3,6 +3,7 @@
 
 mod doubt;
 mod evaluate;
+mod judge;
 mod truth;
 
 pub use doubt::{
@@ -10,4 +11,5 @@ pub use doubt::{
     doubts,
 };
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
+pub use judge::{Judgement, judge};
 pub use truth::{TruthError, truth_error};

@@ -52,6 +52,18 @@ impl WeightScheme {
     /// Degrees of freedom of a plain `student-t`.
     pub const DEFAULT_NU: f32 = 5.0;
 
+    /// Every kernel, a Student's t with its plain degrees of freedom.
+    pub const ALL: [WeightScheme; 8] = [
+        WeightScheme::Gaussian,
+        WeightScheme::Laplacian,
+        WeightScheme::Cauchy,
+        WeightScheme::GemanMcClure,
+        WeightScheme::TruncatedQuadratic,
+        WeightScheme::StudentT(Self::DEFAULT_NU),
+        WeightScheme::Tukey,
+        WeightScheme::Uniform,
+    ];
+
     /// The names `--weights` takes.
     pub const NAMES: [&'static str; 8] = [
         "gaussian",
@@ -186,18 +198,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const ALL: [WeightScheme; 10] = [
-        WeightScheme::Gaussian,
-        WeightScheme::Laplacian,
-        WeightScheme::Cauchy,
-        WeightScheme::GemanMcClure,
-        WeightScheme::TruncatedQuadratic,
-        WeightScheme::StudentT(1.0),
-        WeightScheme::StudentT(3.0),
-        WeightScheme::StudentT(50.0),
-        WeightScheme::Tukey,
-        WeightScheme::Uniform,
-    ];
+    fn all() -> impl Iterator<Item = WeightScheme> {
+        WeightScheme::ALL.into_iter().chain([1.0, 3.0, 50.0].map(WeightScheme::StudentT))
+    }
 
     /// The losses of the table in `kernel`, as functions of r.
     fn loss(scheme: WeightScheme, beta: f64, r: f64) -> f64 {
@@ -215,7 +218,7 @@ mod tests {
             }
             WeightScheme::Tukey => beta / 6.0 * (1.0 - (1.0 - x.min(1.0)).powi(3)),
             WeightScheme::Uniform => beta / 2.0 * x,
-            WeightScheme::Custom => unreachable!("is not among ALL"),
+            WeightScheme::Custom => unreachable!("is no kernel"),
         }
     }
 
@@ -224,7 +227,7 @@ mod tests {
         fn weights_are_the_losses_derivative_over_r(beta in 0.1..1e4f64, x in 0.01..4.0f64) {
             prop_assume!((x - 1.0).abs() > 1e-3); // the truncated ones have a kink at 1
             let r = (x * beta).sqrt();
-            for scheme in ALL {
+            for scheme in all() {
                 let h = 1e-5 * r;
                 let slope = (loss(scheme, beta, r + h) - loss(scheme, beta, r - h)) / (2.0 * h);
                 let weight = f64::from(scheme.weight(beta, (r * r) as f32).unwrap());
@@ -235,7 +238,7 @@ mod tests {
         #[test]
         fn weights_fall_from_one_towards_zero(beta in 1e-3..1e6f64, a in 0.0..1e5f32, b in 0.0..1e5f32) {
             let (near, far) = (a.min(b), a.max(b));
-            for scheme in ALL {
+            for scheme in all() {
                 prop_assert_eq!(scheme.weight(beta, 0.0).unwrap(), 1.0);
                 let (near, far) = (scheme.weight(beta, near).unwrap(), scheme.weight(beta, far).unwrap());
                 prop_assert!(far >= 0.0 && near * (1.0 + 1e-6) >= far, "{scheme}");
@@ -245,7 +248,7 @@ mod tests {
 
     #[test]
     fn names_round_trip() {
-        for scheme in ALL {
+        for scheme in all() {
             assert_eq!(scheme.to_string().parse::<WeightScheme>().unwrap(), scheme);
         }
         assert_eq!("student-t".parse::<WeightScheme>().unwrap().to_string(), "student-t:5");

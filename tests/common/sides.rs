@@ -2,21 +2,9 @@
 
 use cfreg::Descriptors;
 use cfreg::moments::Described;
-use cfreg::weight::{Normalization, WeightScheme};
+use cfreg::weight::Normalization;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-/// Every kernel of the catalogue.
-pub const KERNELS: [WeightScheme; 8] = [
-    WeightScheme::Gaussian,
-    WeightScheme::Laplacian,
-    WeightScheme::Cauchy,
-    WeightScheme::GemanMcClure,
-    WeightScheme::TruncatedQuadratic,
-    WeightScheme::StudentT(WeightScheme::DEFAULT_NU),
-    WeightScheme::Tukey,
-    WeightScheme::Uniform,
-];
 
 /// Every normalisation.
 pub const NORMALIZATIONS: [Normalization; 5] = [

@@ -54,8 +54,9 @@ class Documentation(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()) as shown:
             os.chdir(folder)
             try:
-                cfreg.write("bun000.ply", source)
-                cfreg.write("bun045.ply", target)
+                os.makedirs("data/scans")
+                cfreg.write("data/scans/bun000.ply", source)
+                cfreg.write("data/scans/bun045.ply", target)
                 examples = [{}, {"source": source, "target": target}]
                 if importlib.util.find_spec("matplotlib"):
                     os.environ["MPLBACKEND"] = "Agg"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import json
 import unittest
 
 import cfreg
@@ -123,7 +124,7 @@ class Settings(unittest.TestCase):
                     self.assertIsNot(field.default, dataclasses.MISSING)
                     self.assertIn(field.name, inspect.signature(kind).parameters)
                 plain = cfreg._native.settings(name, "{}")
-                self.assertEqual(stated.settings(), cfreg.results.json.loads(plain))
+                self.assertEqual(stated.settings(), json.loads(plain))
 
     def test_stages_state_the_same_defaults(self):
         for function in (cfreg.estimate_normals, cfreg.fpfh, cfreg.moments, cfreg.solve):

@@ -144,7 +144,7 @@ impl Trials {
     /// depend on.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`](crate::Error::Io).
     pub fn write(&self, cell: &Cell, source: &Source, path: &Path) -> Result<()> {
         sheet::write(path, &Configuration::of(cell, source), &self.records)
     }

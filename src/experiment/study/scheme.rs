@@ -146,18 +146,6 @@ pub struct Place {
     pub normalize: Normalization,
 }
 
-/// Kernels of the grid; the uniform one has but one place, for it has neither bandwidth nor
-/// descriptors.
-const KERNELS: [WeightScheme; 7] = [
-    WeightScheme::Gaussian,
-    WeightScheme::Laplacian,
-    WeightScheme::Cauchy,
-    WeightScheme::GemanMcClure,
-    WeightScheme::TruncatedQuadratic,
-    WeightScheme::StudentT(WeightScheme::DEFAULT_NU),
-    WeightScheme::Tukey,
-];
-
 /// Bandwidths of the grid, on PCL's scale.
 const BETAS: [Bandwidth; 4] = [
     Bandwidth::Fixed(25.0),
@@ -218,15 +206,18 @@ impl Place {
 
     /// Every place of the grid, or a few of it.
     pub fn grid(few: bool) -> Vec<Place> {
-        let mut places = vec![Place { kernel: WeightScheme::Uniform, ..Place::PAPER }];
+        // The uniform kernel has but one place: it has neither bandwidth nor descriptors.
+        let uniform = WeightScheme::Uniform;
+        let mut places = vec![Place { kernel: uniform, ..Place::PAPER }];
         let (points, kernels) = match few {
-            true => ([0, 8, 10, 14].map(|at| Points::ALL[at]).to_vec(), &KERNELS[..1]),
-            false => (Points::ALL.to_vec(), &KERNELS[..]),
+            true => ([0, 8, 10, 14].map(|at| Points::ALL[at]).to_vec(), 1),
+            false => (Points::ALL.to_vec(), WeightScheme::ALL.len()),
         };
+        let kernels = WeightScheme::ALL[..kernels].iter().filter(|&&kernel| kernel != uniform);
         for &points in &points {
             // Squared distances are about four times as large on Open3D's scale.
             let unit = points.histogram.default_beta() / HistogramScale::Pcl.default_beta();
-            for &kernel in kernels {
+            for &kernel in kernels.clone() {
                 for beta in BETAS {
                     let beta = match beta {
                         Bandwidth::Fixed(beta) => Bandwidth::Fixed(unit * beta),

@@ -32,7 +32,7 @@ use std::ops::Range;
 use super::connection::{Side, inverted};
 use super::reduce::{MomentSums, RowSums};
 use super::sums::Moments;
-use super::tile::{Scaling, weigh_block};
+use super::tile::{Reducer, Scaling, weigh_block};
 use crate::par;
 use crate::weight::{Normalization, WeightKernel};
 use budget::Budget;
@@ -129,16 +129,7 @@ impl<K: WeightKernel> Pass<'_, K> {
                     gathered.place(self.columns, groups);
                     let mut reducer =
                         MomentSums { targets: &gathered.targets, sums: std::mem::take(&mut sums) };
-                    let (panels, scaling) = (&gathered.panels, gathered.scaling(scaling));
-                    weigh_block(
-                        rows,
-                        block.clone(),
-                        panels,
-                        self.kernel,
-                        scaling,
-                        &mut reducer,
-                        tile,
-                    );
+                    self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
                     sums = reducer.sums;
                 }
                 sums.iter().map(|sums| sums[0]).sum::<f64>() / factors
@@ -164,16 +155,7 @@ impl<K: WeightKernel> Pass<'_, K> {
             let weighed = budget.spend(share, |groups| {
                 for groups in groups.chunks(WIDEST) {
                     gathered.take(self.columns, groups, scaling);
-                    let (panels, scaling) = (&gathered.panels, gathered.scaling(scaling));
-                    weigh_block(
-                        rows,
-                        block.clone(),
-                        panels,
-                        self.kernel,
-                        scaling,
-                        &mut reducer,
-                        tile,
-                    );
+                    self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
                 }
                 let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
                 // Whether a row counts as one without weight is left to no bound.
@@ -183,6 +165,19 @@ impl<K: WeightKernel> Pass<'_, K> {
         });
         let weighed = blocks.iter().map(|(_, weighed)| weighed).sum();
         (blocks.into_iter().flat_map(|(sums, _)| sums).collect(), weighed)
+    }
+
+    /// The rows of a block against the columns that were gathered.
+    fn weigh(
+        &self,
+        block: Range<usize>,
+        gathered: &Gathered,
+        scaling: Scaling<'_>,
+        reducer: &mut impl Reducer,
+        tile: &mut Vec<f32>,
+    ) {
+        let scaling = gathered.scaling(scaling);
+        weigh_block(&self.rows.rows, block, &gathered.panels, self.kernel, scaling, reducer, tile);
     }
 }
 

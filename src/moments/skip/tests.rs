@@ -16,18 +16,6 @@ use crate::math::{self, Vec3};
 use crate::par;
 use crate::weight::{Gaussian, Normalization, WeightScheme};
 
-const KERNELS: [WeightScheme; 9] = [
-    WeightScheme::Gaussian,
-    WeightScheme::Laplacian,
-    WeightScheme::Cauchy,
-    WeightScheme::GemanMcClure,
-    WeightScheme::TruncatedQuadratic,
-    WeightScheme::StudentT(WeightScheme::DEFAULT_NU),
-    WeightScheme::StudentT(50.0),
-    WeightScheme::Tukey,
-    WeightScheme::Uniform,
-];
-
 const NORMALIZATIONS: [Normalization; 5] = [
     Normalization::None,
     Normalization::Source,
@@ -158,7 +146,7 @@ proptest! {
         let sides = shape.sides();
         let [source, target] = [&sides[0], &sides[1]].map(Side::described);
         let connection = connect(&sides);
-        for scheme in KERNELS {
+        for scheme in WeightScheme::ALL.into_iter().chain([WeightScheme::StudentT(50.0)]) {
             for normalization in NORMALIZATIONS {
                 let what = format!("{scheme} {normalization}");
                 let (found, weighed) =

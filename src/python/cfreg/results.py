@@ -102,8 +102,8 @@ def evaluate(
     1.0
     """
     found = json.loads(_native.evaluate(source, target, transform, max_distance, truth))
-    evaluation = Evaluation._of(found["evaluation"])
-    error = found["truth"]
+    error = found.pop("truth")
+    evaluation = Evaluation._of(found)
     return Judgement(**vars(evaluation), truth=None if error is None else TruthError(**error))
 
 

@@ -57,12 +57,14 @@ def method(name: str, **settings: Any) -> Method:
     """
     if name not in METHODS:
         raise _native.SettingError(f"method = {name}: must be one of {', '.join(METHODS)}")
-    fields = [field.name for field in dataclasses.fields(METHODS[name]())]
+    made = METHODS[name]
+    owner = getattr(made, "__self__", made)  # of a preset, its class
+    fields = [field.name for field in dataclasses.fields(owner)]
     for setting, value in settings.items():
         if setting not in fields:
             rule = f"{name} has no such setting; it has {', '.join(fields)}"
             raise _native.SettingError(f"{setting} = {value!r}: {rule}")
-    return METHODS[name](**settings)
+    return made(**settings)
 
 
 def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
@@ -102,7 +104,9 @@ def register(
         other: "gicp", ["icp", cfreg.ICP.plane(max_distance=0.1)]
     initial : (4, 4) pose to start from, for the methods that start from one
     matches : (K, 2) rows of source and target, for "teaser"
-    settings : of the method, by the fields of its class
+    settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
+        explain: of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
+        normal_neighbors, more_neighbors, orientation, histogram; threads
 
     Returns
     -------

@@ -1,0 +1,48 @@
+//! A look at a pose, whoever found it.
+
+use serde::Serialize;
+
+use super::{Evaluation, TruthError, default_distance, evaluate, truth_error};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::Result;
+
+/// What can be said of a pose: how the clouds lie under it, and how far it is from the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Judgement {
+    /// How the clouds lie on each other.
+    #[serde(flatten)]
+    pub evaluation: Evaluation,
+    /// The error, where the truth is known.
+    pub truth: Option<TruthError>,
+}
+
+/// Judges `transform`, which moves `source` onto `target`.
+///
+/// Pairs count up to `max_distance`, in the target's unit; by default the
+/// [`default_distance`].
+///
+/// # Errors
+/// Those of [`evaluate`] and [`default_distance`].
+///
+/// ```
+/// use cfreg::{PointCloud, Transform, quality};
+/// let cloud = PointCloud::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])?;
+/// let truth = Transform::IDENTITY;
+/// let judged = quality::judge(&cloud, &cloud, &truth, None, Some(&truth))?;
+/// assert_eq!((judged.evaluation.fitness, judged.truth.unwrap().rotation_deg), (1.0, 0.0));
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn judge(
+    source: &PointCloud,
+    target: &PointCloud,
+    transform: &Transform,
+    max_distance: Option<f64>,
+    truth: Option<&Transform>,
+) -> Result<Judgement> {
+    let usual = || default_distance(source, target, transform.scale);
+    let distance = max_distance.map_or_else(usual, Ok)?;
+    Ok(Judgement {
+        evaluation: evaluate(source, target, transform, distance)?,
+        truth: truth.map(|truth| truth_error(transform, truth, source.centroid())),
+    })
+}
