@@ -135,7 +135,7 @@ impl Describe {
                 let rule = format!("holds no plane around any point of {name}: use a larger one");
                 return Err(Error::config("radius", radius, rule));
             }
-            return Err(Error::Degenerate { rank: 1, singular_values: [0.0; 3] });
+            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
         }
         let rows = match detector {
             None => (0..points.len()).collect(),

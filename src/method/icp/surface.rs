@@ -61,7 +61,7 @@ impl Surfaces {
             let near = Neighbors::find(cloud.points(), Neighborhood::Nearest(neighbors))?;
             let normals = normals::estimate(cloud, &near, Orientation::Viewpoint)?;
             if normals.undefined() == cloud.len() {
-                return Err(Error::Degenerate { rank: 1, singular_values: [0.0; 3] });
+                return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
             }
             Ok(normals.vectors)
         };

@@ -58,7 +58,7 @@ def method(name: str, **settings: Any) -> Method:
     if name not in METHODS:
         raise _native.SettingError(f"method = {name}: must be one of {', '.join(METHODS)}")
     made = METHODS[name]
-    owner = getattr(made, "__self__", made)  # of a preset, its class
+    owner: Any = getattr(made, "__self__", made)  # of a preset, its class
     fields = [field.name for field in dataclasses.fields(owner)]
     for setting, value in settings.items():
         if setting not in fields:
