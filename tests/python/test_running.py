@@ -160,6 +160,11 @@ class Threads(unittest.TestCase):
 
 
 class Interrupts(unittest.TestCase):
+    def setUp(self):
+        # Shells start what runs in the background with the signal ignored.
+        self.addCleanup(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
     def ended(self, call):
         """Seconds from Ctrl-C to KeyboardInterrupt."""
         sent, ended = [], threading.Event()
