@@ -269,7 +269,7 @@ fn a_point_without_one_of_its_descriptors_is_not_connected() {
     assert!((10..300).contains(&described), "{described}");
     let refused =
         Cf { describe: more(Neighborhood::Nearest(2)), ..Cf::default() }.register(&source, &target);
-    assert!(matches!(refused, Err(Error::Config { field: "neighbors", .. })));
+    assert!(matches!(refused, Err(Error::Config { field: "more_neighbors", .. })));
 }
 
 #[test]
