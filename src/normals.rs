@@ -1,10 +1,11 @@
 //! Normals and curvature by principal component analysis of neighbourhoods.
 
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::math::{self, Vec3};
+use crate::math::{self, Mat3, Vec3};
 use crate::par;
 use crate::search::Neighbors;
 
@@ -110,14 +111,18 @@ pub fn estimate(
     };
     let reference = math::sub(reference, cloud.origin());
     let points = cloud.points();
-    let (vectors, curvature) = par::map(points.len(), Vec::new, |members, i| {
-        let (normal, curvature) = plane(points, neighbors, i, members);
+    let order = neighbors.order();
+    let found = par::map(points.len(), Members::default, |members, at| {
+        let i = order[at] as usize;
+        let (normal, curvature) = members.plane(points, neighbors.of(i));
         let towards = math::sub(reference, points[i].map(f64::from));
         let flip = if sign * math::dot(normal, towards) < 0.0 { -1.0 } else { 1.0 };
         (math::scaled(normal, flip).map(|x| x as f32), curvature as f32)
-    })
-    .into_iter()
-    .unzip();
+    });
+    let (mut vectors, mut curvature) = (vec![[0.0; 3]; points.len()], vec![0.0; points.len()]);
+    for (&i, (normal, flatness)) in order.iter().zip(found) {
+        (vectors[i as usize], curvature[i as usize]) = (normal, flatness);
+    }
     Ok(Normals { vectors, curvature, oriented_by })
 }
 
@@ -130,41 +135,87 @@ fn stored(cloud: &PointCloud) -> Result<Normals> {
     Ok(Normals { vectors: normals.to_vec(), curvature: Vec::new(), oriented_by })
 }
 
-/// Unoriented normal and curvature of the neighbourhood of point `i`; `members` is scratch.
-///
-/// Sums run in the order of the indices and about the mean: points that have the same
-/// neighbours then have the same normal to the last bit, which keeps the choice of a
-/// pair's frame in FPFH from hanging on rounding.
-fn plane(
-    points: &[[f32; 3]],
-    neighbors: &Neighbors,
-    i: usize,
-    members: &mut Vec<u32>,
-) -> (Vec3, f64) {
-    members.clear();
-    members.extend(neighbors.of(i).iter().map(|neighbor| neighbor.index));
-    members.sort_unstable();
-    if members.len() < 3 {
-        return ([0.0; 3], 0.0);
-    }
-    let member = |&j: &u32| points[j as usize].map(f64::from);
-    let n = members.len() as f64;
-    let sum = members.iter().map(member).fold([0.0; 3], math::add);
-    let mean = math::scaled(sum, 1.0 / n);
-    let mut squares = [0.0; 6];
-    for point in members.iter().map(member) {
-        let [x, y, z] = math::sub(point, mean);
-        for (total, product) in squares.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
-            *total += product;
+/// Sums run in as many lanes on every machine, so that its vectors do not change the result.
+const LANES: usize = 8;
+
+/// The points of a neighbourhood, one array an axis, in whole lanes.
+#[derive(Default)]
+struct Members([Vec<f64>; 3]);
+
+impl Members {
+    /// Unoriented normal and curvature of a neighbourhood.
+    ///
+    /// Sums run in the order of the neighbours and about the mean: points that have the same
+    /// neighbours then have the same normal to the last bit, which keeps the choice of a
+    /// pair's frame in FPFH from hanging on rounding.
+    fn plane(&mut self, points: &[[f32; 3]], neighbors: &[u32]) -> (Vec3, f64) {
+        let count = neighbors.len();
+        if count < 3 {
+            return ([0.0; 3], 0.0);
         }
+        let Members([x, y, z]) = self;
+        for axis in [&mut *x, &mut *y, &mut *z] {
+            axis.clear();
+            axis.resize(count.next_multiple_of(LANES), 0.0);
+        }
+        for (((&j, x), y), z) in neighbors.iter().zip(x).zip(y).zip(z) {
+            [*x, *y, *z] = points[j as usize].map(f64::from);
+        }
+        let covariance = pulp::Arch::new().dispatch(Covariance { members: self, count });
+        let (values, vectors) = math::eigen::symmetric(&covariance);
+        if values[1] <= LINE * values[2] {
+            return ([0.0; 3], 0.0);
+        }
+        let curvature = values[0].max(0.0) / (values[0].max(0.0) + values[1] + values[2]);
+        (vectors[0], curvature)
     }
-    let [xx, xy, xz, yy, yz, zz] = squares.map(|total| total / n);
-    let (values, vectors) = math::eigen::symmetric(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
-    if values[1] <= LINE * values[2] {
-        return ([0.0; 3], 0.0);
+}
+
+struct Covariance<'a> {
+    members: &'a mut Members,
+    count: usize,
+}
+
+impl WithSimd for Covariance<'_> {
+    type Output = Mat3;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Mat3 {
+        let Covariance { members: Members(axes), count } = self;
+        let share = 1.0 / count as f64;
+        let whole = axes[0].len();
+        for axis in axes.iter_mut() {
+            let mut sums = [0.0; LANES];
+            for part in axis.as_chunks::<LANES>().0 {
+                for k in 0..LANES {
+                    sums[k] += part[k];
+                }
+            }
+            let mean = total(sums) * share;
+            axis[..count].iter_mut().for_each(|x| *x -= mean);
+        }
+        let [x, y, z] = axes.each_ref().map(|axis| axis[..whole].as_chunks::<LANES>().0);
+        let (mut xx, mut xy, mut xz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut yy, mut yz, mut zz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for ((x, y), z) in x.iter().zip(y).zip(z) {
+            for k in 0..LANES {
+                xx[k] += x[k] * x[k];
+                xy[k] += x[k] * y[k];
+                xz[k] += x[k] * z[k];
+                yy[k] += y[k] * y[k];
+                yz[k] += y[k] * z[k];
+                zz[k] += z[k] * z[k];
+            }
+        }
+        let [xx, xy, xz, yy, yz, zz] = [xx, xy, xz, yy, yz, zz].map(|sums| total(sums) * share);
+        [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     }
-    let curvature = values[0].max(0.0) / (values[0].max(0.0) + values[1] + values[2]);
-    (vectors[0], curvature)
+}
+
+#[inline(always)]
+fn total(sums: [f64; LANES]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (b + f)) + ((c + g) + (d + h))
 }
 
 #[cfg(test)]

@@ -3,22 +3,27 @@
 use std::fmt;
 use std::str::FromStr;
 
+use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
-use super::pair;
+use super::simple::Simple;
 use crate::cloud::Descriptors;
 use crate::error::{Error, Result};
-use crate::math::Vec3;
 use crate::par;
-use crate::search::Neighbors;
+use crate::search::{Neighbors, squared_distance};
 
 /// Bins of one of the three angle histograms.
 pub const BLOCK: usize = 11;
 /// Bins of a descriptor: the histograms of θ, α and φ one after the other.
 pub const BINS: usize = 3 * BLOCK;
 
+/// Lanes that simple histograms are summed in.
+const LANES: usize = 8;
+/// Values a simple histogram takes up: whole lanes, of which the last ones are 0.
+const STRIDE: usize = BINS.next_multiple_of(LANES);
+
 /// Sum of a finished block on the scale of PCL.
-const FULL: f64 = 100.0;
+pub(super) const FULL: f64 = 100.0;
 
 /// Two libraries, two histograms. Squared distances differ by a factor of about four, so
 /// a bandwidth β belongs to a scale.
@@ -108,94 +113,84 @@ pub fn fpfh_at(
     let mut needed = vec![false; points.len()];
     for &i in rows {
         needed[i] = true;
-        neighbors.of(i).iter().for_each(|neighbor| needed[neighbor.index as usize] = true);
+        neighbors.of(i).iter().for_each(|&neighbor| needed[neighbor as usize] = true);
     }
-    let mut simple = vec![0.0f32; points.len() * BINS];
-    par::for_each_row(
-        &mut simple,
-        BINS,
-        || (),
-        |_, i, row| {
-            if needed[i] {
-                simple_histograms(points, normals, neighbors, i, row);
-            }
-        },
-    );
+    // In the order in which neighbours follow each other, whatever that of the cloud is.
+    let order = neighbors.order();
+    let mut simple = vec![0.0f32; points.len() * STRIDE];
+    par::for_each_row(&mut simple, STRIDE, Simple::default, |scratch, at, row| {
+        let i = order[at] as usize;
+        if needed[i] {
+            scratch.histograms(points, normals, neighbors, i, row);
+        }
+    });
     let mut full = vec![0.0f32; rows.len() * BINS];
     par::for_each_row(
         &mut full,
         BINS,
         || (),
-        |_, i, row| {
-            weighted_histograms(&simple, neighbors, scale, rows[i], row);
+        |_, at, row| {
+            let weighted = Weighted { points, simple: &simple, neighbors, scale, i: rows[at], row };
+            pulp::Arch::new().dispatch(weighted);
         },
     );
     Descriptors::new(BINS, full)
 }
 
-/// The histograms of the pairs (i, neighbour): SPFH.
-fn simple_histograms(
-    points: &[[f32; 3]],
-    normals: &[[f32; 3]],
-    neighbors: &Neighbors,
-    i: usize,
-    row: &mut [f32],
-) {
-    let at = |j: usize| -> (Vec3, Vec3) { (points[j].map(f64::from), normals[j].map(f64::from)) };
-    let (p, n) = at(i);
-    let others = neighbors.of(i).iter().filter(|neighbor| neighbor.index as usize != i);
-    let mut counts = [0u32; BINS];
-    let mut pairs = 0;
-    for neighbor in others {
-        let (q, m) = at(neighbor.index as usize);
-        pairs += 1;
-        // PCL and Open3D alike count a pair without a frame as one with all angles zero.
-        let features = pair::features(p, n, q, m).unwrap_or([0.0; 3]);
-        for (block, bin) in bins(features).into_iter().enumerate() {
-            counts[block * BLOCK + bin] += 1;
-        }
-    }
-    let increment = FULL / f64::from(pairs.max(1));
-    for (value, count) in row.iter_mut().zip(counts) {
-        *value = (f64::from(count) * increment) as f32;
-    }
-}
-
-/// Bin of each angle: θ over [−π, π], α and φ over [−1, 1].
-fn bins([f1, f2, f3]: [f64; 3]) -> [usize; 3] {
-    use std::f64::consts::PI;
-    let shares = [(f1 + PI) / (2.0 * PI), (f2 + 1.0) * 0.5, (f3 + 1.0) * 0.5];
-    shares.map(|share| ((share * BLOCK as f64).floor().max(0.0) as usize).min(BLOCK - 1))
-}
-
 /// The neighbours' SPFH weighted by 1/d², each block normalised: FPFH.
-fn weighted_histograms(
-    simple: &[f32],
-    neighbors: &Neighbors,
+struct Weighted<'a> {
+    points: &'a [[f32; 3]],
+    /// In the order of the neighbourhoods' rows.
+    simple: &'a [f32],
+    neighbors: &'a Neighbors,
     scale: HistogramScale,
     i: usize,
-    row: &mut [f32],
-) {
-    let mut sums = [0.0f64; BINS];
-    // A neighbour in the same place has no distance to weigh by: as PCL, leave it out.
-    let apart = neighbors.of(i).iter().filter(|neighbor| neighbor.squared_distance > 0.0);
-    for neighbor in apart {
-        let weight = 1.0 / f64::from(neighbor.squared_distance);
-        let at = neighbor.index as usize * BINS;
-        for (sum, &value) in sums.iter_mut().zip(&simple[at..at + BINS]) {
-            *sum += weight * f64::from(value);
+    row: &'a mut [f32],
+}
+
+impl WithSimd for Weighted<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Weighted { points, simple, neighbors, scale, i, row } = self;
+        let rows = simple.as_chunks::<STRIDE>().0;
+        // Named sums and no variable index into them: they stay in registers.
+        let (mut a, mut b, mut c) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut d, mut e) = ([0.0; LANES], [0.0; LANES]);
+        for &j in neighbors.of(i) {
+            let j = j as usize;
+            // A neighbour in the same place has no distance to weigh by: as PCL, leave it out.
+            let distance = f64::from(squared_distance(points[i], points[j]));
+            let weight = if distance > 0.0 { 1.0 / distance } else { 0.0 };
+            let values = &rows[neighbors.row(j)];
+            for k in 0..LANES {
+                let value = |block: usize| weight * f64::from(values[block * LANES + k]);
+                a[k] += value(0);
+                b[k] += value(1);
+                c[k] += value(2);
+                d[k] += value(3);
+                e[k] += value(4);
+            }
         }
-    }
-    for block in 0..3 {
-        let range = block * BLOCK..(block + 1) * BLOCK;
-        let total: f64 = sums[range.clone()].iter().sum();
-        let factor = if total > 0.0 { FULL / total } else { 0.0 };
-        for bin in range {
-            let own = match scale {
-                HistogramScale::Pcl => 0.0,
-                HistogramScale::Open3d => f64::from(simple[i * BINS + bin]),
-            };
-            row[bin] = (sums[bin] * factor + own) as f32;
+        let sums: [f64; STRIDE] = {
+            let mut sums = [0.0; STRIDE];
+            let blocks = sums.as_chunks_mut::<LANES>().0;
+            blocks.iter_mut().zip([a, b, c, d, e]).for_each(|(to, from)| *to = from);
+            sums
+        };
+        let own = &rows[neighbors.row(i)];
+        for block in 0..3 {
+            let range = block * BLOCK..(block + 1) * BLOCK;
+            let total: f64 = sums[range.clone()].iter().sum();
+            let factor = if total > 0.0 { FULL / total } else { 0.0 };
+            for bin in range {
+                let own = match scale {
+                    HistogramScale::Pcl => 0.0,
+                    HistogramScale::Open3d => f64::from(own[bin]),
+                };
+                row[bin] = (sums[bin] * factor + own) as f32;
+            }
         }
     }
 }
@@ -254,15 +249,6 @@ mod tests {
             let lonely = describe(Neighborhood::Radius(1e-3), scale);
             assert!(lonely.as_slice().iter().all(|value| *value == 0.0));
         }
-    }
-
-    #[test]
-    fn every_angle_has_a_bin() {
-        use std::f64::consts::PI;
-        assert_eq!(bins([-PI, -1.0, -1.0]), [0, 0, 0]);
-        assert_eq!(bins([PI, 1.0, 1.0]), [10, 10, 10]);
-        assert_eq!(bins([0.0, 0.0, 0.0]), [5, 5, 5]);
-        assert_eq!(bins([4.0, -1.1, 1.1]), [10, 0, 10]);
     }
 
     #[test]

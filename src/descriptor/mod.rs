@@ -2,5 +2,6 @@
 
 mod fpfh;
 mod pair;
+mod simple;
 
 pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh, fpfh_at};

@@ -2,32 +2,47 @@
 
 use crate::math::{self, Vec3};
 
-/// Angles (f1, f2, f3) of the pair: f1 = θ = atan2(w·n₂, u·n₂) in [−π, π], f2 = α = v·n₂
-/// and f3 = φ = u·d/‖d‖ in [−1, 1], in the Darboux frame u, v = d × u, w = u × v of the
-/// point whose normal is nearer to the connecting line. The two points may be exchanged.
-///
-/// `None` for points in one place, an undefined normal, or a normal along the line.
-pub(super) fn features(p1: Vec3, n1: Vec3, p2: Vec3, n2: Vec3) -> Option<[f64; 3]> {
-    let line = math::sub(p2, p1);
-    let distance = math::norm(line);
-    if distance == 0.0 {
-        return None;
+/// What the angles of a pair are told by, in the Darboux frame u, v = d × u, w = u × v of the
+/// point whose normal is nearer to the connecting line d. The two points may be exchanged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Features {
+    /// (u·n₂, w·n₂): θ = atan2(w·n₂, u·n₂) is the angle of this vector.
+    pub(super) theta: [f64; 2],
+    /// v·n₂ in [−1, 1].
+    pub(super) alpha: f64,
+    /// u·d/‖d‖ in [−1, 1].
+    pub(super) phi: f64,
+}
+
+impl Features {
+    /// Of the pair of points `p1` and `p2` with normals `n1` and `n2`. Without a branch, so
+    /// that a loop over it becomes vector code.
+    ///
+    /// All zero, as PCL and Open3D have it, for points in one place, an undefined normal, or a
+    /// normal along the line.
+    #[inline(always)]
+    pub(super) fn of(p1: Vec3, n1: Vec3, p2: Vec3, n2: Vec3) -> Self {
+        let line = math::sub(p2, p1);
+        let share = 1.0 / math::norm(line);
+        let (along1, along2) = (math::dot(n1, line) * share, math::dot(n2, line) * share);
+        let exchanged = along1.abs() < along2.abs();
+        let either = |a: Vec3, b: Vec3| [0, 1, 2].map(|k| if exchanged { b[k] } else { a[k] });
+        let (u, other) = (either(n1, n2), either(n2, n1));
+        let line = either(line, math::scaled(line, -1.0));
+        let phi = if exchanged { -along2 } else { along1 };
+        let v = math::cross(line, u);
+        let length = math::norm(v);
+        let v = math::scaled(v, 1.0 / length);
+        let w = math::cross(u, v);
+        let (x, y) = (math::dot(u, other), math::dot(w, other));
+        // `length` is 0, too, where the distance is.
+        let defined = |value: f64| if length > 0.0 { value } else { 0.0 };
+        Features {
+            theta: [defined(x), defined(y)],
+            alpha: defined(math::dot(v, other)),
+            phi: defined(phi),
+        }
     }
-    let (along1, along2) = (math::dot(n1, line) / distance, math::dot(n2, line) / distance);
-    let (u, other, line, f3) = if along1.abs() < along2.abs() {
-        (n2, n1, math::scaled(line, -1.0), -along2)
-    } else {
-        (n1, n2, line, along1)
-    };
-    let v = math::cross(line, u);
-    let length = math::norm(v);
-    if length == 0.0 {
-        return None;
-    }
-    let v = math::scaled(v, 1.0 / length);
-    let w = math::cross(u, v);
-    let f1 = math::dot(w, other).atan2(math::dot(u, other));
-    Some([f1, math::dot(v, other), f3])
 }
 
 #[cfg(test)]
@@ -47,23 +62,24 @@ mod tests {
             n2 in proptest::array::uniform3(-1.0..1.0f64),
         ) {
             let (n1, n2) = (unit(n1), unit(n2));
-            let there = features([0.0; 3], n1, x, n2);
-            let back = features(x, n2, [0.0; 3], n1);
-            let (Some(there), Some(back)) = (there, back) else { return Ok(()) };
+            let there = Features::of([0.0; 3], n1, x, n2);
+            let back = Features::of(x, n2, [0.0; 3], n1);
             // When both normals are equally near the line, either frame may be taken.
             prop_assume!((math::dot(n1, unit(x)).abs() - math::dot(n2, unit(x)).abs()).abs() > 1e-9);
-            for k in 0..3 {
-                prop_assert!((there[k] - back[k]).abs() < 1e-9, "{there:?} {back:?}");
+            let flat = |f: Features| [f.theta[0], f.theta[1], f.alpha, f.phi];
+            for (a, b) in flat(there).into_iter().zip(flat(back)) {
+                prop_assert!((a - b).abs() < 1e-9, "{there:?} {back:?}");
             }
         }
     }
 
     #[test]
-    fn undefined_pairs_have_no_features() {
+    fn undefined_pairs_are_all_zero() {
         let (o, x, z) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-        assert_eq!(features(o, z, o, z), None);
-        assert_eq!(features(o, x, x, x), None);
-        assert_eq!(features(o, o, x, o), None);
-        assert_eq!(features(o, z, x, z), Some([0.0, 0.0, 0.0]));
+        let none = Features { theta: [0.0; 2], alpha: 0.0, phi: 0.0 };
+        assert_eq!(Features::of(o, z, o, z), none);
+        assert_eq!(Features::of(o, x, x, x), none);
+        assert_eq!(Features::of(o, o, x, o), none);
+        assert_eq!(Features::of(o, z, x, z), Features { theta: [1.0, 0.0], ..none });
     }
 }

@@ -22,19 +22,13 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
     let areas = par::map(
         n,
         || (),
-        |_, i| {
-            spanned_area(
-                neighbors.of(i).iter().map(|found| points[found.index as usize]),
-                points[i],
-            )
-        },
+        |_, i| spanned_area(neighbors.of(i).iter().map(|&j| points[j as usize]), points[i]),
     );
     let mut weights = par::map(
         n,
         || (),
         |_, i| {
-            let mut around: Vec<f64> =
-                neighbors.of(i).iter().map(|found| areas[found.index as usize]).collect();
+            let mut around: Vec<f64> = neighbors.of(i).iter().map(|&j| areas[j as usize]).collect();
             around.sort_unstable_by(f64::total_cmp);
             let middle = around.len() / 2;
             (around[middle] + around[(around.len() - 1) / 2]) / 2.0

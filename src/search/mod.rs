@@ -1,16 +1,24 @@
-//! Nearest neighbours in 3-D: the only place that names kiddo.
+//! Nearest neighbours in 3-D.
 //!
 //! Distances are Euclidean, squared where the name says so, between f32 positions that
-//! share an origin. Equal distances are ordered by index.
+//! share an origin. Equal distances are ordered by index. [`SearchTree`] answers from any
+//! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster.
+
+mod leaves;
+mod nearest;
+mod tree;
 
 use std::fmt;
-use std::num::NonZero;
 
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::par;
+use leaves::Leaves;
+
+pub(crate) use leaves::squared_distance;
+
+pub use tree::SearchTree;
 
 /// Which points around a point belong to its neighbourhood. The point itself is one of
 /// them, as in PCL and Open3D.
@@ -74,119 +82,57 @@ pub struct Neighbor {
     pub squared_distance: f32,
 }
 
-/// A k-d tree over points.
-pub struct SearchTree {
-    tree: ImmutableKdTree<f32, 3>,
-    len: usize,
-}
-
-impl SearchTree {
-    /// Builds the tree.
-    ///
-    /// # Errors
-    /// [`Error::TooFewPoints`] without points, [`Error::NonFinite`] for a NaN or infinite
-    /// coordinate, [`Error::Config`] for more points than 32-bit indices can count.
-    pub fn new(points: &[[f32; 3]]) -> Result<Self> {
-        if points.is_empty() {
-            let what = "the cloud to be searched".into();
-            return Err(Error::TooFewPoints { what, found: 0, needed: 1 });
-        }
-        // The tree takes NaN without a word and then answers wrongly.
-        if let Some(index) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-            return Err(Error::NonFinite { what: "points to be searched".into(), index });
-        }
-        let tree = ImmutableKdTree::new_from_slice(points)
-            .map_err(|error| Error::config("points", points.len(), error.to_string()))?;
-        Ok(SearchTree { tree, len: points.len() })
-    }
-
-    /// The nearest point.
-    pub fn nearest(&self, query: &[f32; 3]) -> Neighbor {
-        let found = self.tree.query(query).nearest_one::<SquaredEuclidean<f32>>().execute();
-        Neighbor { index: found.item, squared_distance: found.distance }
-    }
-
-    /// The k nearest points, nearest first; all points when there are fewer.
-    pub fn k_nearest(&self, query: &[f32; 3], k: usize) -> Vec<Neighbor> {
-        let Some(k) = NonZero::new(k.min(self.len)) else { return Vec::new() };
-        let found = self.tree.query(query).nearest_n::<SquaredEuclidean<f32>>(k).execute();
-        ordered(found.iter().map(|f| (f.item, f.distance)))
-    }
-
-    /// All points at most `radius` away, nearest first.
-    pub fn within(&self, query: &[f32; 3], radius: f64) -> Vec<Neighbor> {
-        let squared = (radius * radius) as f32;
-        let found = self.tree.query(query).within::<SquaredEuclidean<f32>>(squared).execute();
-        ordered(found.iter().map(|f| (f.item, f.distance)))
-    }
-
-    fn around(&self, query: &[f32; 3], neighborhood: Neighborhood) -> Vec<Neighbor> {
-        match neighborhood {
-            Neighborhood::Nearest(k) => self.k_nearest(query, k),
-            Neighborhood::Radius(radius) => self.within(query, radius),
-            Neighborhood::Hybrid { radius, max } => {
-                let squared = (radius * radius) as f32;
-                let mut found = self.k_nearest(query, max);
-                found.retain(|neighbor| neighbor.squared_distance <= squared);
-                found
-            }
-        }
-    }
-}
-
-fn ordered(found: impl Iterator<Item = (u32, f32)>) -> Vec<Neighbor> {
-    let mut neighbors: Vec<Neighbor> =
-        found.map(|(index, squared_distance)| Neighbor { index, squared_distance }).collect();
-    neighbors.sort_unstable_by(|a, b| {
-        a.squared_distance.total_cmp(&b.squared_distance).then(a.index.cmp(&b.index))
-    });
-    neighbors
-}
-
 /// The neighbourhood of every point of a cloud.
 pub struct Neighbors {
-    /// Where each point's neighbours start; one more entry than points.
+    /// Whose row each is: points that are near each other follow each other.
+    order: Vec<u32>,
+    /// The row of each point.
+    rows: Vec<u32>,
+    /// Where each row starts; one more entry than points.
     starts: Vec<usize>,
-    all: Vec<Neighbor>,
+    all: Vec<u32>,
 }
 
 impl Neighbors {
-    /// Finds them. Memory is 8 bytes a neighbour.
+    /// Finds them. Memory is 4 bytes a neighbour, and 16 a point.
     ///
     /// # Errors
     /// Those of [`Neighborhood::validate`] and [`SearchTree::new`].
     pub fn find(points: &[[f32; 3]], neighborhood: Neighborhood) -> Result<Self> {
         neighborhood.validate()?;
-        let tree = SearchTree::new(points)?;
         let n = points.len();
         if let Neighborhood::Nearest(k) = neighborhood {
-            // Every row is equally long: written in place, without a list a point.
-            let k = k.min(n);
-            let mut all = vec![Neighbor { index: 0, squared_distance: 0.0 }; n * k];
-            par::for_each_row(
-                &mut all,
-                k,
-                || (),
-                |_, i, row| {
-                    row.copy_from_slice(&tree.k_nearest(&points[i], k));
-                },
-            );
-            return Ok(Neighbors { starts: (0..=n).map(|i| i * k).collect(), all });
+            tree::check(points)?;
+            let (leaves, k) = (Leaves::new(points), k.min(n));
+            let all = nearest::all(&leaves, k);
+            let mut rows = vec![0; n];
+            leaves.order.iter().zip(0..).for_each(|(&i, row)| rows[i as usize] = row);
+            let starts = (0..=n).map(|row| row * k).collect();
+            return Ok(Neighbors { order: leaves.order, rows, starts, all });
         }
+        let tree = SearchTree::new(points)?;
         if let Neighborhood::Radius(radius) = neighborhood {
             refuse_crowds(&tree, points, radius)?;
         }
-        let rows = par::map(n, || (), |_, i| tree.around(&points[i], neighborhood));
-        let ends = rows.iter().scan(0, |end, row| {
+        let around = |_: &mut (), i: usize| {
+            let found = tree.around(&points[i], neighborhood);
+            let mut row: Vec<u32> = found.iter().map(|neighbor| neighbor.index).collect();
+            row.sort_unstable();
+            row
+        };
+        let found = par::map(n, || (), around);
+        let ends = found.iter().scan(0, |end, row| {
             *end += row.len();
             Some(*end)
         });
-        Ok(Neighbors { starts: std::iter::once(0).chain(ends).collect(), all: rows.concat() })
+        let order: Vec<u32> = (0..n as u32).collect();
+        let starts = std::iter::once(0).chain(ends).collect();
+        Ok(Neighbors { rows: order.clone(), order, starts, all: found.concat() })
     }
 
     /// Number of points that have a neighbourhood.
     pub fn len(&self) -> usize {
-        self.starts.len() - 1
+        self.rows.len()
     }
 
     /// Whether there is none.
@@ -194,16 +140,32 @@ impl Neighbors {
         self.len() == 0
     }
 
-    /// The neighbourhood of point `i`, nearest first, itself included.
+    /// The neighbourhood of point `i`, itself included, by index, in an order that is the same for all
+    /// points: sums over the same neighbours are then the same bits.
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
-    pub fn of(&self, i: usize) -> &[Neighbor] {
-        &self.all[self.starts[i]..self.starts[i + 1]]
+    pub fn of(&self, i: usize) -> &[u32] {
+        let row = self.row(i);
+        &self.all[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// Where point `i` stands in [`order`](Self::order).
+    ///
+    /// # Panics
+    /// When `i` is not below [`len`](Self::len).
+    pub fn row(&self, i: usize) -> usize {
+        self.rows[i] as usize
+    }
+
+    /// The points in an order in which those near each other follow each other: work on them
+    /// in turn finds the neighbours at hand.
+    pub fn order(&self) -> &[u32] {
+        &self.order
     }
 }
 
-/// Most neighbours that are held for a cloud by radius: 4 GB of them.
+/// Most neighbours that are held for a cloud by radius: 2 GB of them.
 const MOST_NEIGHBORS: usize = 500_000_000;
 
 /// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
@@ -237,9 +199,12 @@ pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
     if places.len() < 2 {
         return Ok(0.0);
     }
-    let tree = SearchTree::new(&places)?;
-    let nearest = |i: usize| tree.k_nearest(&places[i], 2)[1].squared_distance;
-    let mut distances = par::map(places.len(), || (), |_, i| nearest(i));
+    tree::check(&places)?;
+    // The place itself, at no distance, and the next one.
+    let pairs = nearest::all(&Leaves::new(&places), 2);
+    let place = |i: u32| places[i as usize];
+    let apart = |pair: &[u32]| squared_distance(place(pair[0]), place(pair[1]));
+    let mut distances: Vec<f32> = pairs.chunks_exact(2).map(apart).collect();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
     Ok(f64::from(*median).sqrt())
@@ -249,6 +214,8 @@ pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    use super::tree::ordered;
 
     fn brute(points: &[[f32; 3]], query: &[f32; 3]) -> Vec<Neighbor> {
         let distance = |p: &[f32; 3]| (0..3).map(|a| (p[a] - query[a]) * (p[a] - query[a])).sum();
@@ -273,6 +240,12 @@ mod tests {
             for (a, b) in distances(&found).iter().zip(distances(&want)) {
                 prop_assert!((a - b).abs() <= 1e-5 * b.max(1.0));
             }
+            // All at once, and to the bit: of equal distances the lowest indices.
+            let all = Neighbors::find(&points, Neighborhood::Nearest(k)).unwrap();
+            for (i, point) in points.iter().enumerate() {
+                let found = ordered(all.of(i).iter().map(|&j| (j, squared_distance(*point, points[j as usize]))));
+                prop_assert_eq!(&found, &brute(&points, point)[..k.min(points.len())]);
+            }
             prop_assert!((tree.nearest(&query).squared_distance - want[0].squared_distance).abs() < 1e-4);
             let mut inside: Vec<u32> = tree.within(&query, radius).iter().map(|n| n.index).collect();
             let mut expected: Vec<u32> = want
@@ -294,7 +267,7 @@ mod tests {
         for points in [line, same] {
             let neighbors = Neighbors::find(&points, Neighborhood::Nearest(40)).unwrap();
             assert!((0..500).all(|i| neighbors.of(i).len() == 40));
-            assert_eq!(neighbors.of(7)[0].squared_distance, 0.0);
+            assert!(neighbors.of(7).iter().all(|&j| j < 500));
         }
     }
 

@@ -1,0 +1,187 @@
+//! The k nearest points of every point of a cloud, many at a time.
+//!
+//! The points of a leaf have nearly the same neighbours. So the tree is walked once a leaf,
+//! for all points within reach of its box, and each of its points is compared with all
+//! of these: plain loops over arrays, which become vector code. The k-th distance is found by
+//! counting, not by sorting.
+
+use pulp::{Simd, WithSimd};
+
+use super::leaves::{LEAF, Leaves, squared_distance};
+use crate::par;
+
+/// Leaves a task of the parallel loop: the reach that one needed is a guess for the next.
+const TASK: usize = 16;
+/// How much further than the last leaf needed the next one looks: less has to be looked
+/// for again too often, more finds too much.
+const MARGIN: f32 = 1.1;
+
+/// The indices of the `k` nearest of every point, `k` from 1 to their number, row after row in the
+/// order of `leaves`; within a row too. Of equal distances those of lower index are taken.
+pub(super) fn all(leaves: &Leaves, k: usize) -> Vec<u32> {
+    let mut rows = vec![0; leaves.len() * k];
+    let arch = pulp::Arch::new();
+    par::for_each_row(&mut rows, TASK * LEAF * k, Scratch::default, |scratch, task, rows| {
+        let mut reach = 0.0;
+        for (at, rows) in rows.chunks_mut(LEAF * k).enumerate() {
+            let leaf = task * TASK + at;
+            reach = arch.dispatch(OfLeaf { leaves, leaf, k, reach, scratch, rows });
+        }
+    });
+    rows
+}
+
+#[derive(Default)]
+struct Scratch {
+    /// Leaves within reach.
+    listed: Vec<u32>,
+    stack: Vec<u32>,
+    /// Squared distances from one point to all of theirs.
+    distances: Vec<f32>,
+    ties: Vec<u32>,
+    row: Vec<u32>,
+}
+
+/// The rows of a leaf; the answer is how far they reach, squared.
+struct OfLeaf<'a> {
+    leaves: &'a Leaves,
+    leaf: usize,
+    k: usize,
+    /// Squared distance to try first.
+    reach: f32,
+    scratch: &'a mut Scratch,
+    rows: &'a mut [u32],
+}
+
+impl WithSimd for OfLeaf<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f32 {
+        let OfLeaf { leaves, leaf, k, reach, scratch, rows } = self;
+        if let Some(used) = rows_within(leaves, leaf, k, reach * MARGIN, scratch, rows) {
+            return used;
+        }
+        // The ball around one point that holds k, widened by the leaf, holds k around each.
+        let (extent, around) = leaves.around(leaf, k);
+        let (own, sure) = (extent.squared_diagonal(), around.squared_diagonal());
+        let one = &mut rows[..k];
+        let first = rows_within(leaves, leaf, k, sure, scratch, one).unwrap_or(sure);
+        let widened = (first.sqrt() + own.sqrt()).powi(2) * (1.0 + 1e-5);
+        rows_within(leaves, leaf, k, widened.min(sure), scratch, rows)
+            .or_else(|| rows_within(leaves, leaf, k, sure, scratch, rows))
+            .unwrap_or(sure)
+    }
+}
+
+/// As many rows of a leaf as `rows` has room for, from the points within a squared `reach`;
+/// `None` where that is too few. The answer is the largest squared distance.
+#[inline(always)]
+fn rows_within(
+    leaves: &Leaves,
+    leaf: usize,
+    k: usize,
+    reach: f32,
+    scratch: &mut Scratch,
+    rows: &mut [u32],
+) -> Option<f32> {
+    let Scratch { listed, stack, distances, ties, row } = scratch;
+    leaves.near(&leaves.around(leaf, 0).0, reach, k, listed, stack);
+    row.resize(k + 1, 0);
+    let mut used = 0.0f32;
+    for (place, out) in leaves.places(leaf).zip(rows.chunks_exact_mut(k)) {
+        let query = leaves.point(place);
+        distances.clear();
+        for &near in listed.iter() {
+            let range = leaves.places(near as usize);
+            let [x, y, z] = &leaves.axes;
+            let (x, y, z) = (&x[range.clone()], &y[range.clone()], &z[range]);
+            distances.extend(
+                x.iter().zip(y).zip(z).map(|((&x, &y), &z)| squared_distance(query, [x, y, z])),
+            );
+        }
+        let limit = kth(distances, k, reach)?;
+        let last = match limit.ties {
+            0 => key(limit.below, u32::MAX),
+            _ => {
+                let tied = |(at, &d): (usize, &f32)| (d == limit.above).then_some(at);
+                let index = |at: usize| leaves.order[listed[at / LEAF] as usize * LEAF + at % LEAF];
+                ties.clear();
+                ties.extend(distances.iter().enumerate().filter_map(tied).map(index));
+                key(limit.above, *ties.select_nth_unstable(limit.ties - 1).1)
+            }
+        };
+        let mut count = 0;
+        for (&near, distances) in listed.iter().zip(distances.chunks(LEAF)) {
+            let least = distances.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
+            if key(least, 0) > last {
+                continue;
+            }
+            let range = leaves.places(near as usize);
+            for (&index, &squared_distance) in leaves.order[range].iter().zip(distances) {
+                // Written in any case, and kept or not: a branch here would be a guess each time.
+                row[count] = index;
+                count += usize::from(key(squared_distance, index) <= last);
+            }
+        }
+        out.copy_from_slice(&row[..k]);
+        used = used.max(f32::from_bits((last >> 32) as u32));
+    }
+    Some(used)
+}
+
+/// A number by which points are in order of their distance, then of their index: the bits of
+/// floats that are not negative grow with them.
+#[inline(always)]
+fn key(squared_distance: f32, index: u32) -> u64 {
+    u64::from(squared_distance.to_bits()) << 32 | u64::from(index)
+}
+
+/// What is among the k nearest: all up to `below`, and so many `ties` at `above`.
+struct Limit {
+    below: f32,
+    above: f32,
+    ties: usize,
+}
+
+/// Where the `k` smallest of `values`, which are not negative, end, if that is at most `reach`.
+///
+/// Counts grow evenly with the squared distance on a surface, so a straight line between
+/// two counts leads near; halving the bits between them ends the search in any case.
+#[inline(always)]
+fn kth(values: &[f32], k: usize, reach: f32) -> Option<Limit> {
+    let count = |limit: f32| values.iter().map(|&d| u32::from(d <= limit)).sum::<u32>() as usize;
+    let found = |below| Some(Limit { below, above: below, ties: 0 });
+    let (mut high, mut at_high) = (reach, count(reach));
+    if at_high <= k {
+        return if at_high == k { found(reach) } else { None };
+    }
+    let (mut low, mut at_low) = (-1.0f32, 0);
+    let zero = count(0.0);
+    if zero > k {
+        return Some(Limit { below: -1.0, above: 0.0, ties: k });
+    }
+    if zero > 0 {
+        (low, at_low) = (0.0, zero);
+        if zero == k {
+            return found(0.0);
+        }
+    }
+    for step in 0.. {
+        let (bits_low, bits_high) = (low.max(0.0).to_bits(), high.to_bits());
+        if bits_high - bits_low <= 1 && low >= 0.0 {
+            return Some(Limit { below: low, above: high, ties: k - at_low });
+        }
+        let share = (k - at_low) as f32 / (at_high - at_low) as f32;
+        let line = low.max(0.0) + (high - low.max(0.0)) * share;
+        let middle = f32::from_bits(bits_low + (bits_high - bits_low) / 2);
+        let inside = line > low && line < high && step < 10;
+        let at = if inside { line } else { middle };
+        match count(at) {
+            n if n == k => return found(at),
+            n if n < k => (low, at_low) = (at, n),
+            n => (high, at_high) = (at, n),
+        }
+    }
+    None
+}
