@@ -110,8 +110,10 @@ pub fn fpfh_at(
         let what = "a point to be described".into();
         return Err(Error::Shape { what, expected: points.len(), found });
     }
-    let mut needed = vec![false; points.len()];
-    for &i in rows {
+    // All of a cloud need no marks.
+    let some = rows.len() < points.len();
+    let mut needed = vec![!some; points.len()];
+    for &i in rows.iter().filter(|_| some) {
         needed[i] = true;
         neighbors.of(i).iter().for_each(|&neighbor| needed[neighbor as usize] = true);
     }

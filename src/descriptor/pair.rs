@@ -24,12 +24,15 @@ impl Features {
     pub(super) fn of(p1: Vec3, n1: Vec3, p2: Vec3, n2: Vec3) -> Self {
         let line = math::sub(p2, p1);
         let share = 1.0 / math::norm(line);
-        let (along1, along2) = (math::dot(n1, line) * share, math::dot(n2, line) * share);
-        let exchanged = along1.abs() < along2.abs();
-        let either = |a: Vec3, b: Vec3| [0, 1, 2].map(|k| if exchanged { b[k] } else { a[k] });
-        let (u, other) = (either(n1, n2), either(n2, n1));
-        let line = either(line, math::scaled(line, -1.0));
-        let phi = if exchanged { -along2 } else { along1 };
+        let (cosine1, cosine2) = (math::dot(n1, line) * share, math::dot(n2, line) * share);
+        let exchanged = cosine1.abs() < cosine2.abs();
+        let either = |a: f64, b: f64| if exchanged { b } else { a };
+        let u = [0, 1, 2].map(|k| either(n1[k], n2[k]));
+        let other = [0, 1, 2].map(|k| either(n2[k], n1[k]));
+        // The line from the other point is the same, the other way round.
+        let (line, phi) = (line.map(|x| either(x, -x)), either(cosine1, -cosine2));
+        // Step by step as the libraries do: of opposite normals, rounding alone says on which
+        // side of the circle θ is.
         let v = math::cross(line, u);
         let length = math::norm(v);
         let v = math::scaled(v, 1.0 / length);

@@ -14,7 +14,7 @@ use crate::par;
 const TASK: usize = 16;
 /// How much further than the last leaf needed the next one looks: less has to be looked
 /// for again too often, more finds too much.
-const MARGIN: f32 = 1.1;
+const MARGIN: f32 = 1.25;
 
 /// The indices of the `k` nearest of every point, `k` from 1 to their number, row after row in the
 /// order of `leaves`; within a row too. Of equal distances those of lower index are taken.
