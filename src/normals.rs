@@ -112,16 +112,20 @@ pub fn estimate(
     let reference = math::sub(reference, cloud.origin());
     let points = cloud.points();
     let order = neighbors.order();
-    let found = par::map(points.len(), Members::default, |members, at| {
-        let i = order[at] as usize;
-        let (normal, curvature) = members.plane(points, neighbors.of(i));
-        let towards = math::sub(reference, points[i].map(f64::from));
-        let flip = if sign * math::dot(normal, towards) < 0.0 { -1.0 } else { 1.0 };
-        (math::scaled(normal, flip).map(|x| x as f32), curvature as f32)
+    let planes = par::map_blocks(points.len(), LANES, Members::default, |members, block| {
+        let mut covariances = [[[0.0; 3]; 3]; LANES];
+        for (covariance, &i) in covariances.iter_mut().zip(&order[block]) {
+            *covariance = members.covariance(points, neighbors.of(i as usize));
+        }
+        pulp::Arch::new().dispatch(Planes(&covariances))
     });
     let (mut vectors, mut curvature) = (vec![[0.0; 3]; points.len()], vec![0.0; points.len()]);
-    for (&i, (normal, flatness)) in order.iter().zip(found) {
-        (vectors[i as usize], curvature[i as usize]) = (normal, flatness);
+    for (&i, (normal, flatness)) in order.iter().zip(planes.into_iter().flatten()) {
+        let i = i as usize;
+        let towards = math::sub(reference, points[i].map(f64::from));
+        let flip = if sign * math::dot(normal, towards) < 0.0 { -1.0 } else { 1.0 };
+        vectors[i] = math::scaled(normal, flip).map(|x| x as f32);
+        curvature[i] = flatness as f32;
     }
     Ok(Normals { vectors, curvature, oriented_by })
 }
@@ -143,15 +147,15 @@ const LANES: usize = 8;
 struct Members([Vec<f64>; 3]);
 
 impl Members {
-    /// Unoriented normal and curvature of a neighbourhood.
+    /// Covariance of a neighbourhood; zero where there are too few points for a plane.
     ///
     /// Sums run in the order of the neighbours and about the mean: points that have the same
     /// neighbours then have the same normal to the last bit, which keeps the choice of a
     /// pair's frame in FPFH from hanging on rounding.
-    fn plane(&mut self, points: &[[f32; 3]], neighbors: &[u32]) -> (Vec3, f64) {
+    fn covariance(&mut self, points: &[[f32; 3]], neighbors: &[u32]) -> Mat3 {
         let count = neighbors.len();
         if count < 3 {
-            return ([0.0; 3], 0.0);
+            return [[0.0; 3]; 3];
         }
         let Members([x, y, z]) = self;
         for axis in [&mut *x, &mut *y, &mut *z] {
@@ -161,13 +165,25 @@ impl Members {
         for (((&j, x), y), z) in neighbors.iter().zip(x).zip(y).zip(z) {
             [*x, *y, *z] = points[j as usize].map(f64::from);
         }
-        let covariance = pulp::Arch::new().dispatch(Covariance { members: self, count });
-        let (values, vectors) = math::eigen::symmetric(&covariance);
-        if values[1] <= LINE * values[2] {
-            return ([0.0; 3], 0.0);
-        }
-        let curvature = values[0].max(0.0) / (values[0].max(0.0) + values[1] + values[2]);
-        (vectors[0], curvature)
+        pulp::Arch::new().dispatch(Covariance { members: self, count })
+    }
+}
+
+/// Unoriented normal and curvature by each covariance; zero where it has no plane.
+struct Planes<'a>(&'a [Mat3; LANES]);
+
+impl WithSimd for Planes<'_> {
+    type Output = [(Vec3, f64); LANES];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        math::eigen::symmetric_many(self.0).map(|(values, vectors)| {
+            if values[1] <= LINE * values[2] {
+                return ([0.0; 3], 0.0);
+            }
+            let least = values[0].max(0.0);
+            (vectors[0], least / (least + values[1] + values[2]))
+        })
     }
 }
 

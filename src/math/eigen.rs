@@ -1,6 +1,6 @@
-//! Eigenvalues and eigenvectors of a symmetric 3×3 matrix.
+//! Eigenvalues and eigenvectors of symmetric 3×3 matrices.
 
-use super::{IDENTITY, Mat3, Vec3};
+use super::{Mat3, Vec3};
 
 /// Eigenvalues in ascending order, and the unit eigenvectors in the same order.
 ///
@@ -8,44 +8,79 @@ use super::{IDENTITY, Mat3, Vec3};
 /// eigenvectors of nearly flat neighbourhoods, which is what normals are.
 /// Deterministic; a zero matrix gives zeros and the identity.
 pub fn symmetric(matrix: &Mat3) -> (Vec3, [Vec3; 3]) {
-    let mut a = *matrix;
-    let mut v = IDENTITY;
+    let [found] = symmetric_many(&[*matrix]);
+    found
+}
+
+/// [`symmetric`] of each of L matrices, the same bits: side by side they take little longer than
+/// one, for the steps of one wait for each other. Within a SIMD dispatch it is vector code.
+#[inline(always)]
+pub fn symmetric_many<const L: usize>(matrices: &[Mat3; L]) -> [(Vec3, [Vec3; 3]); L] {
+    let each = |of: &dyn Fn(usize) -> f64| std::array::from_fn(of);
+    let mut a: [[[f64; L]; 3]; 3] =
+        std::array::from_fn(|p| std::array::from_fn(|q| each(&|k| matrices[k][p][q])));
+    let one = |p, q| if p == q { [1.0; L] } else { [0.0; L] };
+    let mut v: [[[f64; L]; 3]; 3] = std::array::from_fn(|p| std::array::from_fn(|q| one(p, q)));
     // Jacobi converges quadratically: 3×3 takes 4-6 sweeps, 16 cannot be needed.
     for _ in 0..16 {
-        let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
-        let diagonal = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
-        if off <= 1e-17 * diagonal || off == 0.0 {
+        let mut open = [false; L];
+        for k in 0..L {
+            let off = a[0][1][k].abs() + a[0][2][k].abs() + a[1][2][k].abs();
+            let diagonal = a[0][0][k].abs() + a[1][1][k].abs() + a[2][2][k].abs();
+            open[k] = off > 1e-17 * diagonal;
+        }
+        if open == [false; L] {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            rotate(&mut a, &mut v, p, q);
+            rotate(&mut a, &mut v, &open, p, q);
         }
     }
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
-    (order.map(|i| a[i][i]), order.map(|i| [v[0][i], v[1][i], v[2][i]]))
+    std::array::from_fn(|k| {
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| a[i][i][k].total_cmp(&a[j][j][k]));
+        (order.map(|i| a[i][i][k]), order.map(|i| [v[0][i][k], v[1][i][k], v[2][i][k]]))
+    })
 }
 
-/// One Jacobi rotation that makes `a[p][q]` zero (Golub & Van Loan, 8.5.2).
-fn rotate(a: &mut Mat3, v: &mut Mat3, p: usize, q: usize) {
-    if a[p][q] == 0.0 {
-        return;
+/// One Jacobi rotation of every matrix that is still `open`, which makes its `a[p][q]` zero
+/// (Golub & Van Loan, 8.5.2).
+#[inline(always)]
+fn rotate<const L: usize>(
+    a: &mut [[[f64; L]; 3]; 3],
+    v: &mut [[[f64; L]; 3]; 3],
+    open: &[bool; L],
+    p: usize,
+    q: usize,
+) {
+    let (app, aqq, apq) = (a[p][p], a[q][q], a[p][q]);
+    let (mut c, mut s) = ([1.0; L], [0.0; L]);
+    for k in 0..L {
+        let theta = (aqq[k] - app[k]) / (2.0 * apq[k]);
+        let t = theta.signum() / (theta.abs() + (1.0 + theta * theta).sqrt());
+        let t = if open[k] & (apq[k] != 0.0) { t } else { 0.0 };
+        c[k] = 1.0 / (1.0 + t * t).sqrt();
+        s[k] = t * c[k];
     }
-    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    let t = theta.signum() / (theta.abs() + (1.0 + theta * theta).sqrt());
-    let c = 1.0 / (1.0 + t * t).sqrt();
-    let s = t * c;
-    for row in a.iter_mut() {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-    }
-    for k in 0..3 {
-        (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
-    }
+    // Turns two columns of a row, or two rows.
+    let turn = |x: &mut [f64; L], y: &mut [f64; L]| {
+        for k in 0..L {
+            (x[k], y[k]) = (c[k] * x[k] - s[k] * y[k], s[k] * x[k] + c[k] * y[k]);
+        }
+    };
+    let columns = |row: &mut [[f64; L]; 3]| {
+        let [x, y] = row.get_disjoint_mut([p, q]).expect("p is not q");
+        turn(x, y);
+    };
+    a.iter_mut().for_each(columns);
+    let [row_p, row_q] = a.get_disjoint_mut([p, q]).expect("p is not q");
+    row_p.iter_mut().zip(row_q).for_each(|(x, y)| turn(x, y));
     // Exact symmetry and an exact zero keep the loop's end test honest.
-    (a[p][q], a[q][p]) = (0.0, 0.0);
-    for row in v.iter_mut() {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+    for k in 0..L {
+        let kept = if open[k] { 0.0 } else { apq[k] };
+        (a[p][q][k], a[q][p][k]) = (kept, kept);
     }
+    v.iter_mut().for_each(columns);
 }
 
 #[cfg(test)]
@@ -67,6 +102,18 @@ mod tests {
                     prop_assert!((dot(vectors[i], vectors[j]) - want).abs() < 1e-14);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn many_are_the_same_bits_as_one() {
+        let matrices: [Mat3; 8] = std::array::from_fn(|k| {
+            let x = k as f64;
+            [[x, 0.3 * x, 0.1], [0.3 * x, 2.0, 1e-9 * x], [0.1, 1e-9 * x, 7.0 - x]]
+        });
+        let all = symmetric_many(&matrices);
+        for (matrix, found) in matrices.iter().zip(all) {
+            assert_eq!(symmetric(matrix), found);
         }
     }
 

@@ -5,8 +5,7 @@ use serde::ser::{Serialize, SerializeStruct, Serializer};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::par;
-use crate::search::{self, SearchTree};
+use crate::search::{self, Closest};
 
 /// Default inlier distance, in resolutions of the coarser cloud.
 pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
@@ -90,10 +89,10 @@ pub fn evaluate(
     if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
         return Err(Error::Extent { extent: f64::INFINITY });
     }
-    let tree = SearchTree::new(target.points())?;
-    let there = squared_distances(&moved, &tree);
-    let back = squared_distances(target.points(), &SearchTree::new(&moved)?);
     let limit = (max_distance * max_distance) as f32;
+    let closest = Closest::new(target.points())?;
+    let there = closest.within(&moved, limit);
+    let back = Closest::new(&moved)?.within(target.points(), limit);
     let inliers = |distances: &[f32]| distances.iter().filter(|&&d| d <= limit).count();
     let count = inliers(&there);
     let sum: f64 = there.iter().filter(|&&d| d <= limit).map(|&d| f64::from(d)).sum();
@@ -102,20 +101,15 @@ pub fn evaluate(
         target_fitness: inliers(&back) as f64 / target.len() as f64,
         inlier_rmse: (sum / count as f64).sqrt(),
         max_distance,
-        chance: chance(&moved, &tree, limit),
+        chance: chance(&moved, &closest, limit),
     })
-}
-
-/// Squared distance from each of `queries` to the nearest point of `tree`.
-fn squared_distances(queries: &[[f32; 3]], tree: &SearchTree) -> Vec<f32> {
-    par::map(queries.len(), || (), |_, i| tree.nearest(&queries[i]).squared_distance)
 }
 
 /// Most points that the chance level is measured on: a share is known to 0.01 from these.
 const CHANCE_POINTS: usize = 1000;
 
 /// Mean fitness of `moved` after quarter turns about its centroid.
-fn chance(moved: &[[f32; 3]], tree: &SearchTree, limit: f32) -> f64 {
+fn chance(moved: &[[f32; 3]], target: &Closest, limit: f32) -> f64 {
     let step = moved.len().div_ceil(CHANCE_POINTS);
     let points: Vec<Vec3> = moved.iter().step_by(step).map(|p| p.map(f64::from)).collect();
     let n = points.len() as f64;
@@ -130,7 +124,7 @@ fn chance(moved: &[[f32; 3]], tree: &SearchTree, limit: f32) -> f64 {
             .iter()
             .map(|&p| math::add(turn.rotate(math::sub(p, center)), center).map(|x| x as f32))
             .collect();
-        inliers += squared_distances(&turned, tree).iter().filter(|&&d| d <= limit).count();
+        inliers += target.within(&turned, limit).iter().filter(|&&d| d <= limit).count();
     }
     inliers as f64 / (9.0 * n)
 }

@@ -42,6 +42,11 @@ impl Extent {
         extent
     }
 
+    /// A single place.
+    pub(super) fn of_place(place: [f32; 3]) -> Self {
+        Extent { low: place, high: place }
+    }
+
     /// No point of the two boxes is nearer, also in the arithmetic of
     /// [`squared_distance`]: every step of it is the same, and none decreases by rounding.
     fn squared_gap(&self, other: &Extent) -> f32 {

@@ -2,8 +2,10 @@
 //!
 //! Distances are Euclidean, squared where the name says so, between f32 positions that
 //! share an origin. Equal distances are ordered by index. [`SearchTree`] answers from any
-//! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster.
+//! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
+//! [`Closest`] tells distances alone.
 
+mod closest;
 mod leaves;
 mod nearest;
 mod tree;
@@ -18,6 +20,7 @@ use leaves::Leaves;
 
 pub(crate) use leaves::squared_distance;
 
+pub use closest::Closest;
 pub use tree::SearchTree;
 
 /// Which points around a point belong to its neighbourhood. The point itself is one of
@@ -246,6 +249,10 @@ mod tests {
                 let found = ordered(all.of(i).iter().map(|&j| (j, squared_distance(*point, points[j as usize]))));
                 prop_assert_eq!(&found, &brute(&points, point)[..k.min(points.len())]);
             }
+            let least = want[0].squared_distance;
+            let closest = Closest::new(&points).unwrap();
+            prop_assert_eq!(closest.within(&[query], least), [least]);
+            prop_assert_eq!(closest.within(&[query], 0.99 * least), [f32::INFINITY]);
             prop_assert!((tree.nearest(&query).squared_distance - want[0].squared_distance).abs() < 1e-4);
             let mut inside: Vec<u32> = tree.within(&query, radius).iter().map(|n| n.index).collect();
             let mut expected: Vec<u32> = want
