@@ -34,6 +34,9 @@ MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-p
 step "the methods beside their peers, in small"
 (cd python-ref && "$python" -m peers --smoke)
 
+step "how fast beside the peers: that it runs"
+(cd benches && "$python" -m peers --points 1000 --only moments,features)
+
 step "peers that the paper does not have, in small"
 (cd python-ref && "$python" -m paper_peers --smoke)
 

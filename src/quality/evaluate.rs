@@ -90,9 +90,10 @@ pub fn evaluate(
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let limit = (max_distance * max_distance) as f32;
-    let closest = Closest::new(target.points())?;
-    let there = closest.within(&moved, limit);
-    let back = Closest::new(&moved)?.within(target.points(), limit);
+    let (source_points, target_points) = (Closest::new(&moved)?, Closest::new(target.points())?);
+    let moved: Vec<[f32; 3]> = source_points.points().collect();
+    let there = target_points.within(&moved, limit);
+    let back = source_points.within(&target_points.points().collect::<Vec<_>>(), limit);
     let inliers = |distances: &[f32]| distances.iter().filter(|&&d| d <= limit).count();
     let count = inliers(&there);
     let sum: f64 = there.iter().filter(|&&d| d <= limit).map(|&d| f64::from(d)).sum();
@@ -101,7 +102,7 @@ pub fn evaluate(
         target_fitness: inliers(&back) as f64 / target.len() as f64,
         inlier_rmse: (sum / count as f64).sqrt(),
         max_distance,
-        chance: chance(&moved, &closest, limit),
+        chance: chance(&moved, &target_points, limit),
     })
 }
 

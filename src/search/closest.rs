@@ -4,13 +4,12 @@ use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
 
-use super::leaves::{Extent, Leaves, squared_distance};
+use super::leaves::{Extent, LEAF, Leaves, squared_distance};
 use super::tree;
 use crate::error::Result;
 use crate::par;
 
-/// Places a task of the parallel loop.
-const TASK: usize = 64;
+const LANES: usize = 16;
 
 /// Tells the distance to the nearest point of a cloud.
 pub struct Closest(Leaves);
@@ -25,24 +24,33 @@ impl Closest {
         Ok(Closest(Leaves::new(points)))
     }
 
+    /// The points, in an order in which those near each other follow each other.
+    pub fn points(&self) -> impl Iterator<Item = [f32; 3]> {
+        (0..self.0.len()).map(|place| self.0.point(place))
+    }
+
     /// Squared distance from each of `places` to the nearest point; infinite where that is more
-    /// than `limit`, squared too. Much faster than without a limit: most places of a wrong pose
-    /// are far from everything, and that is told by the boxes around the points.
+    /// than `limit`, squared too.
+    ///
+    /// Fast where places that follow each other are near each other, as [`points`](Self::points)
+    /// are: what is far from all of them is left out together.
     pub fn within(&self, places: &[[f32; 3]], limit: f32) -> Vec<f32> {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
-            arch.dispatch(Least { leaves: &self.0, places: &places[block], limit, listed, stack })
+            let places = &places[block];
+            self.0.near(&Extent::of(places.iter().copied()), limit, LEAF, listed, stack);
+            arch.dispatch(Least { leaves: &self.0, listed, places, limit })
         };
-        par::map_blocks(places.len(), TASK, Default::default, task).concat()
+        par::map_blocks(places.len(), LEAF, Default::default, task).concat()
     }
 }
 
+/// Of each place, to the points of the leaves that are listed.
 struct Least<'a> {
     leaves: &'a Leaves,
+    listed: &'a [u32],
     places: &'a [[f32; 3]],
     limit: f32,
-    listed: &'a mut Vec<u32>,
-    stack: &'a mut Vec<u32>,
 }
 
 impl WithSimd for Least<'_> {
@@ -50,18 +58,26 @@ impl WithSimd for Least<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
-        let Least { leaves, places, limit, listed, stack } = self;
+        let Least { leaves, listed, places, limit } = self;
         let [x, y, z] = &leaves.axes;
+        let lower = |a: f32, b: f32| if b < a { b } else { a };
         let least = |&place: &[f32; 3]| {
-            leaves.near(&Extent::of_place(place), limit, 1, listed, stack);
-            let mut least = f32::INFINITY;
-            for &leaf in listed.iter() {
+            let mut lanes = [f32::INFINITY; LANES];
+            for &leaf in listed {
                 let range = leaves.places(leaf as usize);
-                let coordinates = x[range.clone()].iter().zip(&y[range.clone()]).zip(&z[range]);
-                least = coordinates
-                    .map(|((&x, &y), &z)| squared_distance(place, [x, y, z]))
-                    .fold(least, |a, b| if b < a { b } else { a });
+                let (x, y, z) = (&x[range.clone()], &y[range.clone()], &z[range]);
+                let (x, y, z) = (x.as_chunks(), y.as_chunks(), z.as_chunks());
+                for ((x, y), z) in x.0.iter().zip(y.0).zip(z.0) {
+                    let (x, y, z): (&[f32; LANES], &[f32; LANES], &[f32; LANES]) = (x, y, z);
+                    for k in 0..LANES {
+                        lanes[k] = lower(lanes[k], squared_distance(place, [x[k], y[k], z[k]]));
+                    }
+                }
+                for (lane, ((&x, &y), &z)) in lanes.iter_mut().zip(x.1.iter().zip(y.1).zip(z.1)) {
+                    *lane = lower(*lane, squared_distance(place, [x, y, z]));
+                }
             }
+            let least = lanes.into_iter().fold(f32::INFINITY, lower);
             if least <= limit { least } else { f32::INFINITY }
         };
         places.iter().map(least).collect()

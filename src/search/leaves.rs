@@ -31,20 +31,16 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    fn of(points: &[([f32; 3], u32)]) -> Self {
+    /// Of any points.
+    pub(super) fn of(points: impl Iterator<Item = [f32; 3]>) -> Self {
         let mut extent = Extent { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-        for (point, _) in points {
+        for point in points {
             for a in 0..3 {
                 extent.low[a] = extent.low[a].min(point[a]);
                 extent.high[a] = extent.high[a].max(point[a]);
             }
         }
         extent
-    }
-
-    /// A single place.
-    pub(super) fn of_place(place: [f32; 3]) -> Self {
-        Extent { low: place, high: place }
     }
 
     /// No point of the two boxes is nearer, also in the arithmetic of
@@ -157,7 +153,7 @@ impl Leaves {
 /// Halves `places`, from the leaf `first` on, across their longest side until leaves are left;
 /// equal coordinates follow their index.
 fn cut(places: &mut [([f32; 3], u32)], first: u32, nodes: &mut Vec<Node>) {
-    let extent = Extent::of(places);
+    let extent = Extent::of(places.iter().map(|place| place.0));
     let count = places.len().div_ceil(LEAF);
     let at = nodes.len();
     nodes.push(Node { extent, leaves: first..first + count as u32, second: 0 });
