@@ -11,7 +11,7 @@ use cfreg::math::{Mat3, Vec3};
 use cfreg::moments::{Described, FullConnection, Moments};
 use cfreg::normals::{self, Orientation};
 use cfreg::pose::{self, ScaleEstimate, Solver};
-use cfreg::search::{Neighborhood, Neighbors};
+use cfreg::search::{Neighborhood, Neighbors, SearchTree};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Descriptors, Error, PointCloud, Transform};
 use common::compare::{moments_differ_by, poses_differ_by, rows_differ_by};
@@ -181,8 +181,9 @@ fn described<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Describ
 }
 
 #[test]
-fn neighbours_are_the_same() {
-    for Side { neighbors, expected, .. } in surface_pair().0 {
+fn neighbours_are_the_same_and_nearest_first() {
+    for Side { cloud, neighbors, expected } in surface_pair().0 {
+        let tree = SearchTree::new(cloud.points()).unwrap();
         for (i, row) in expected.neighbours.iter().enumerate() {
             let sorted = |row: &[u32]| {
                 let mut row = row.to_vec();
@@ -190,6 +191,16 @@ fn neighbours_are_the_same() {
                 row
             };
             assert_eq!(sorted(neighbors.of(i)), sorted(row), "of point {i}");
+            let found = tree.k_nearest(&cloud.points()[i], row.len());
+            let indices: Vec<u32> = found.iter().map(|neighbor| neighbor.index).collect();
+            assert_eq!(sorted(&indices), sorted(row), "of point {i}, by the tree");
+            // In order, but for those that the five roundings of an f32 d² cannot tell apart.
+            for (neighbor, &j) in found.iter().zip(row) {
+                let [p, q] = [i, j as usize].map(|k| cloud.position(k));
+                let want: f64 = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum();
+                let error = (f64::from(neighbor.squared_distance) - want).abs();
+                assert!(error <= 3e-7 * want, "point {i}, neighbour {j}: {error:e}");
+            }
         }
     }
 }

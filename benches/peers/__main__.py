@@ -1,7 +1,7 @@
 """Measures the package and its peers in turn, and prints one table.
 
     python -m peers                      all, one thread
-    python -m peers --threads 2 --only pairs
+    python -m peers --threads 2 --only poses
 """
 
 import argparse
@@ -57,7 +57,7 @@ def versions():
     import cfreg
 
     found = [f"cfreg {cfreg.__version__}"]
-    for name in ("numpy", "scipy", "pykeops", "torch", "open3d", "kiss-matcher"):
+    for name in ("numpy", "scipy", "pykeops", "torch", "open3d"):
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:

@@ -111,10 +111,11 @@ fn rows_within(
                 key(limit.above, *ties.select_nth_unstable(limit.ties - 1).1)
             }
         };
+        let furthest = f32::from_bits((last >> 32) as u32);
         let mut count = 0;
         for (&near, distances) in listed.iter().zip(distances.chunks(LEAF)) {
-            let least = distances.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a });
-            if key(least, 0) > last {
+            // A sum of whole numbers is vector code, a least float is not.
+            if distances.iter().map(|&d| u32::from(d <= furthest)).sum::<u32>() == 0 {
                 continue;
             }
             let range = leaves.places(near as usize);
@@ -125,7 +126,7 @@ fn rows_within(
             }
         }
         out.copy_from_slice(&row[..k]);
-        used = used.max(f32::from_bits((last >> 32) as u32));
+        used = used.max(furthest);
     }
     Some(used)
 }

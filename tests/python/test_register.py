@@ -200,7 +200,13 @@ class Settings(unittest.TestCase):
 
     def test_values_are_refused_when_the_method_is_made(self):
         for name, settings in {
-            "neighbors": [{"neighbors": 1}, {"neighbors": "x"}, {"neighbors": -1}, {"neighbors": 2.5}],
+            "neighbors": [
+                {"neighbors": 1},
+                {"neighbors": "x"},
+                {"neighbors": -1},
+                {"neighbors": 2.5},
+                {"neighbors": 10, "radius": 0.1},
+            ],
             "beta": [{"beta": -1.0}, {"beta": np.nan}, {"beta": "x"}],
             "weights": [{"weights": "x"}],
             "normalize": [{"normalize": "x"}],
@@ -214,10 +220,9 @@ class Settings(unittest.TestCase):
             "threads": [{"threads": -1}, {"threads": 100_000}],
             "tolerance": [{"tolerance": -0.1}, {"tolerance": 1.0}, {"tolerance": np.nan}],
             "radius": [{"radius": 0.0}],
-            "neighbors = 10: radius": [{"radius": 0.1, "neighbors": 10}],
         }.items():
             for wrong in settings:
-                with self.subTest(repr(wrong)), self.assertRaisesRegex(cfreg.SettingError, f"^{name}( = |)"):
+                with self.subTest(repr(wrong)), self.assertRaisesRegex(cfreg.SettingError, f"^{name} = "):
                     cfreg.CF(**wrong)
         for make, name in (
             (lambda: cfreg.ICP(keep=1.5), "keep"),

@@ -10,7 +10,7 @@ use super::Side;
 use crate::par;
 
 /// Rows a block, that share a box and the list of what is weighed against them.
-pub(super) const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 64;
 /// Columns that are weighed or left out together: copied as a piece, they cost little.
 pub(super) const GROUP: usize = 8;
 
