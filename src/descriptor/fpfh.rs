@@ -126,46 +126,60 @@ pub fn fpfh_at(
             scratch.histograms(points, normals, neighbors, i, row);
         }
     });
+    // In that order again, and each row to its place afterwards.
+    let mut places: Vec<u32> = (0..rows.len() as u32).collect();
+    places.sort_by_key(|&at| neighbors.row(rows[at as usize]));
+    let simple = simple.as_chunks().0;
+    let describe = |weights: &mut Weights, at: usize| {
+        let i = rows[places[at] as usize];
+        pulp::Arch::new().dispatch(Weighted { points, simple, neighbors, scale, i, weights })
+    };
+    let described = par::map(rows.len(), Weights::default, describe);
     let mut full = vec![0.0f32; rows.len() * BINS];
-    par::for_each_row(
-        &mut full,
-        BINS,
-        || (),
-        |_, at, row| {
-            let weighted = Weighted { points, simple: &simple, neighbors, scale, i: rows[at], row };
-            pulp::Arch::new().dispatch(weighted);
-        },
-    );
+    for (&at, row) in places.iter().zip(&described) {
+        full[at as usize * BINS..][..BINS].copy_from_slice(row);
+    }
     Descriptors::new(BINS, full)
+}
+
+/// Scratch: of each neighbour in turn, the squared distance and what its histogram weighs.
+#[derive(Default)]
+struct Weights {
+    distances: Vec<f32>,
+    weights: Vec<f64>,
 }
 
 /// The neighbours' SPFH weighted by 1/d², each block normalised: FPFH.
 struct Weighted<'a> {
     points: &'a [[f32; 3]],
     /// In the order of the neighbourhoods' rows.
-    simple: &'a [f32],
+    simple: &'a [[f32; STRIDE]],
     neighbors: &'a Neighbors,
     scale: HistogramScale,
     i: usize,
-    row: &'a mut [f32],
+    weights: &'a mut Weights,
 }
 
 impl WithSimd for Weighted<'_> {
-    type Output = ();
+    type Output = [f32; BINS];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Weighted { points, simple, neighbors, scale, i, row } = self;
-        let rows = simple.as_chunks::<STRIDE>().0;
+    fn with_simd<S: Simd>(self, _: S) -> [f32; BINS] {
+        let Weighted { points, simple, neighbors, scale, i, weights } = self;
+        let Weights { distances, weights } = weights;
+        let (others, point) = (neighbors.of(i), points[i]);
+        distances.clear();
+        distances.extend(others.iter().map(|&j| squared_distance(point, points[j as usize])));
+        weights.resize(others.len(), 0.0);
+        for (weight, &distance) in weights.iter_mut().zip(&distances[..]) {
+            // A neighbour in the same place has no distance to weigh by: as PCL, leave it out.
+            *weight = if distance > 0.0 { 1.0 / f64::from(distance) } else { 0.0 };
+        }
         // Named sums and no variable index into them: they stay in registers.
         let (mut a, mut b, mut c) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         let (mut d, mut e) = ([0.0; LANES], [0.0; LANES]);
-        for &j in neighbors.of(i) {
-            let j = j as usize;
-            // A neighbour in the same place has no distance to weigh by: as PCL, leave it out.
-            let distance = f64::from(squared_distance(points[i], points[j]));
-            let weight = if distance > 0.0 { 1.0 / distance } else { 0.0 };
-            let values = &rows[neighbors.row(j)];
+        for (&j, &weight) in others.iter().zip(&weights[..]) {
+            let values = &simple[neighbors.row(j as usize)];
             for k in 0..LANES {
                 let value = |block: usize| weight * f64::from(values[block * LANES + k]);
                 a[k] += value(0);
@@ -181,7 +195,8 @@ impl WithSimd for Weighted<'_> {
             blocks.iter_mut().zip([a, b, c, d, e]).for_each(|(to, from)| *to = from);
             sums
         };
-        let own = &rows[neighbors.row(i)];
+        let own = &simple[neighbors.row(i)];
+        let mut row = [0.0; BINS];
         for block in 0..3 {
             let range = block * BLOCK..(block + 1) * BLOCK;
             let total: f64 = sums[range.clone()].iter().sum();
@@ -194,6 +209,7 @@ impl WithSimd for Weighted<'_> {
                 row[bin] = (sums[bin] * factor + own) as f32;
             }
         }
+        row
     }
 }
 

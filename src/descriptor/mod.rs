@@ -1,5 +1,6 @@
 //! Descriptors: what a point's surroundings look like, in the point's own frame.
 
+mod bin;
 mod fpfh;
 mod pair;
 mod simple;

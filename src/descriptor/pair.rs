@@ -1,32 +1,42 @@
 //! The three angles between two oriented points (Rusu, Blodow and Beetz 2009, section III).
 
-use crate::math::{self, Vec3};
+use num_traits::Float;
+
+use crate::math;
 
 /// What the angles of a pair are told by, in the Darboux frame u, v = d × u, w = u × v of the
 /// point whose normal is nearer to the connecting line d. The two points may be exchanged.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Features {
+pub(super) struct Features<T> {
     /// (u·n₂, w·n₂): θ = atan2(w·n₂, u·n₂) is the angle of this vector.
-    pub(super) theta: [f64; 2],
+    pub(super) theta: [T; 2],
     /// v·n₂ in [−1, 1].
-    pub(super) alpha: f64,
+    pub(super) alpha: T,
     /// u·d/‖d‖ in [−1, 1].
-    pub(super) phi: f64,
+    pub(super) phi: T,
+    /// ‖d‖/‖d × u‖: what rounding of d × u grows by in v and w. Infinite or NaN where there is
+    /// no such frame.
+    pub(super) growth: T,
+    /// How much nearer to the line one normal is than the other, as a difference of cosines;
+    /// infinite where the normals are the same, so that rounding is the same, too.
+    pub(super) lead: T,
 }
 
-impl Features {
+impl<T: Float> Features<T> {
     /// Of the pair of points `p1` and `p2` with normals `n1` and `n2`. Without a branch, so
     /// that a loop over it becomes vector code.
     ///
     /// All zero, as PCL and Open3D have it, for points in one place, an undefined normal, or a
     /// normal along the line.
     #[inline(always)]
-    pub(super) fn of(p1: Vec3, n1: Vec3, p2: Vec3, n2: Vec3) -> Self {
+    pub(super) fn of(p1: [T; 3], n1: [T; 3], p2: [T; 3], n2: [T; 3]) -> Self {
+        let (zero, one) = (T::zero(), T::one());
         let line = math::sub(p2, p1);
-        let share = 1.0 / math::norm(line);
+        let distance = math::norm(line);
+        let share = one / distance;
         let (cosine1, cosine2) = (math::dot(n1, line) * share, math::dot(n2, line) * share);
         let exchanged = cosine1.abs() < cosine2.abs();
-        let either = |a: f64, b: f64| if exchanged { b } else { a };
+        let either = |a: T, b: T| if exchanged { b } else { a };
         let u = [0, 1, 2].map(|k| either(n1[k], n2[k]));
         let other = [0, 1, 2].map(|k| either(n2[k], n1[k]));
         // The line from the other point is the same, the other way round.
@@ -35,15 +45,19 @@ impl Features {
         // side of the circle θ is.
         let v = math::cross(line, u);
         let length = math::norm(v);
-        let v = math::scaled(v, 1.0 / length);
+        let inverse = one / length;
+        let v = math::scaled(v, inverse);
         let w = math::cross(u, v);
         let (x, y) = (math::dot(u, other), math::dot(w, other));
         // `length` is 0, too, where the distance is.
-        let defined = |value: f64| if length > 0.0 { value } else { 0.0 };
+        let defined = |value: T| if length > zero { value } else { zero };
+        let same = (n1[0] == n2[0]) & (n1[1] == n2[1]) & (n1[2] == n2[2]);
         Features {
             theta: [defined(x), defined(y)],
             alpha: defined(math::dot(v, other)),
             phi: defined(phi),
+            growth: distance * inverse,
+            lead: if same { T::infinity() } else { (cosine1.abs() - cosine2.abs()).abs() },
         }
     }
 }
@@ -51,6 +65,7 @@ impl Features {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use proptest::prelude::*;
 
     fn unit(x: [f64; 3]) -> Vec3 {
@@ -69,7 +84,7 @@ mod tests {
             let back = Features::of(x, n2, [0.0; 3], n1);
             // When both normals are equally near the line, either frame may be taken.
             prop_assume!((math::dot(n1, unit(x)).abs() - math::dot(n2, unit(x)).abs()).abs() > 1e-9);
-            let flat = |f: Features| [f.theta[0], f.theta[1], f.alpha, f.phi];
+            let flat = |f: Features<f64>| [f.theta[0], f.theta[1], f.alpha, f.phi];
             for (a, b) in flat(there).into_iter().zip(flat(back)) {
                 prop_assert!((a - b).abs() < 1e-9, "{there:?} {back:?}");
             }
@@ -79,10 +94,13 @@ mod tests {
     #[test]
     fn undefined_pairs_are_all_zero() {
         let (o, x, z) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
-        let none = Features { theta: [0.0; 2], alpha: 0.0, phi: 0.0 };
-        assert_eq!(Features::of(o, z, o, z), none);
-        assert_eq!(Features::of(o, x, x, x), none);
-        assert_eq!(Features::of(o, o, x, o), none);
-        assert_eq!(Features::of(o, z, x, z), Features { theta: [1.0, 0.0], ..none });
+        let flat = |p1, n1, p2, n2| {
+            let f = Features::of(p1, n1, p2, n2);
+            [f.theta[0], f.theta[1], f.alpha, f.phi]
+        };
+        assert_eq!(flat(o, z, o, z), [0.0; 4]);
+        assert_eq!(flat(o, x, x, x), [0.0; 4]);
+        assert_eq!(flat(o, o, x, o), [0.0; 4]);
+        assert_eq!(flat(o, z, x, z), [1.0, 0.0, 0.0, 0.0]);
     }
 }

@@ -1,4 +1,6 @@
-//! 3-vectors and 3×3 matrices (rows of columns) in f64.
+//! 3-vectors and 3×3 matrices (rows of columns) in f64; sums and products of vectors in f32 as well.
+
+use num_traits::Float;
 
 /// A 3-vector.
 pub type Vec3 = [f64; 3];
@@ -9,32 +11,32 @@ pub type Mat3 = [[f64; 3]; 3];
 pub const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// `a + b`.
-pub fn add(a: Vec3, b: Vec3) -> Vec3 {
+pub fn add<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// `a − b`.
-pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
+pub fn sub<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// `s a`.
-pub fn scaled(a: Vec3, s: f64) -> Vec3 {
+pub fn scaled<T: Float>(a: [T; 3], s: T) -> [T; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 /// `a · b`.
-pub fn dot(a: Vec3, b: Vec3) -> f64 {
+pub fn dot<T: Float>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a × b`.
-pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
+pub fn cross<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Euclidean length.
-pub fn norm(a: Vec3) -> f64 {
+pub fn norm<T: Float>(a: [T; 3]) -> T {
     dot(a, a).sqrt()
 }
 

@@ -1,0 +1,313 @@
+//! Bins of the angles of pairs: what f32 can tell for sure, the rest in f64.
+//!
+//! Eleven bins a right answer away from their edges need few digits. So the angles of a pair are
+//! first computed in f32, with a bound of their rounding; pairs with an angle so near to an edge
+//! that rounding may decide are computed again in f64. The bins are those of f64, always: an exact
+//! answer behind a filter, as geometric predicates do (Shewchuk 1997, "Adaptive Precision
+//! Floating-Point Arithmetic and Fast Robust Geometric Predicates").
+//!
+//! # The bound
+//! With u = 2⁻²⁴ and unit normals: d = p₂ − p₁ is off by u‖d‖, n·d by 4 u‖d‖ and hence its
+//! share of ‖d‖ by 10 u; d × u by 4.3 u‖d‖, hence v and w by some 13 u ‖d‖/‖d × u‖, v·n₂ and
+//! w·n₂ by 22 u ‖d‖/‖d × u‖ at most; finding the bin adds 4 u. [`DOUBT`] is 64 u, for normals
+//! that are not quite of length 1 as well.
+
+use num_traits::Float;
+
+use super::fpfh::BLOCK;
+use super::pair::Features;
+
+/// Pairs that are looked at together.
+pub(super) const LANES: usize = 16;
+/// Pairs in f64 at a time: as many as there are f32 in a vector would not stay in registers.
+const HALF: usize = LANES / 2;
+
+/// An angle's sine or cosine nearer than this, times [`Features::growth`], to an edge of bins is
+/// left to f64.
+const DOUBT: f32 = 64.0 * (f32::EPSILON / 2.0);
+/// Squared distances of which f32 loses no digits on the way.
+const FLOATING: std::ops::Range<f32> = 1e-24..1e36;
+
+/// An oriented point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Oriented {
+    pub(super) place: [f32; 3],
+    pub(super) normal: [f32; 3],
+}
+
+/// Oriented points, one array an axis.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Lanes {
+    pub(super) place: [[f32; LANES]; 3],
+    pub(super) normal: [[f32; LANES]; 3],
+}
+
+impl Lanes {
+    /// Takes those of a cloud that are named by `others`.
+    #[inline(always)]
+    pub(super) fn fill(
+        &mut self,
+        points: &[[f32; 3]],
+        normals: &[[f32; 3]],
+        others: &[u32; LANES],
+    ) {
+        for (k, &j) in others.iter().enumerate() {
+            let (place, normal) = (points[j as usize], normals[j as usize]);
+            for axis in 0..3 {
+                self.place[axis][k] = place[axis];
+                self.normal[axis][k] = normal[axis];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, k: usize) -> Oriented {
+        let [place, normal] = [&self.place, &self.normal].map(|axes| [0, 1, 2].map(|a| axes[a][k]));
+        Oriented { place, normal }
+    }
+}
+
+/// Bins of θ, α and φ of `point` with each of `others`.
+///
+/// Called within a SIMD dispatch.
+#[inline(always)]
+pub(super) fn bins(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
+    let (found, doubted) = quick(point, others);
+    if doubted == 0 { found } else { exact(point, others) }
+}
+
+/// In f32, and how many may be wrong.
+#[inline(always)]
+fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
+    let (mut theta, mut alpha, mut phi) = ([0; LANES], [0; LANES], [0; LANES]);
+    let mut doubted = [0u32; LANES];
+    for k in 0..LANES {
+        let other = others.get(k);
+        let features = Features::of(point.place, point.normal, other.place, other.normal);
+        let line = crate::math::sub(other.place, point.place);
+        let squared = crate::math::dot(line, line);
+        let (t, at) = theta_bin(features.theta);
+        let (a, aa) = cosine_bin(features.alpha);
+        let (f, af) = cosine_bin(features.phi);
+        let nearest = least(at, least(aa, af));
+        // Written so that NaN is in doubt.
+        let sure = (nearest > DOUBT * features.growth)
+            & (features.lead > DOUBT)
+            & (squared > FLOATING.start)
+            & (squared < FLOATING.end);
+        (theta[k], alpha[k], phi[k]) = (bits(t), bits(a), bits(f));
+        doubted[k] = u32::from(!sure);
+    }
+    ([theta, alpha, phi], doubted.iter().sum())
+}
+
+/// In f64.
+#[inline(always)]
+fn exact(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
+    let mut found = [[0; LANES]; 3];
+    let (place, normal) = (point.place.map(f64::from), point.normal.map(f64::from));
+    for half in 0..LANES / HALF {
+        let (mut theta, mut alpha, mut phi) = ([0.0; HALF], [0.0; HALF], [0.0; HALF]);
+        for k in 0..HALF {
+            let other = others.get(half * HALF + k);
+            let (to, n) = (other.place.map(f64::from), other.normal.map(f64::from));
+            let features = Features::of(place, normal, to, n);
+            theta[k] = theta_bin(features.theta).0;
+            alpha[k] = cosine_bin(features.alpha).0;
+            phi[k] = cosine_bin(features.phi).0;
+        }
+        for (found, bins) in found.iter_mut().zip([theta, alpha, phi]) {
+            let part = &mut found[half * HALF..][..HALF];
+            part.iter_mut().zip(bins).for_each(|(to, bin)| *to = bin as u32);
+        }
+    }
+    found
+}
+
+/// Cosine and sine of the edges of θ's bins above 0, (2k + 1) π / 11.
+const EDGES: [[f64; 2]; BLOCK / 2] = [
+    [0.959_492_973_614_497_4, 0.281_732_556_841_429_67],
+    [0.654_860_733_945_285_1, 0.755_749_574_354_258_3],
+    [0.142_314_838_273_285_14, 0.989_821_441_880_932_7],
+    [-0.415_415_013_001_886_44, 0.909_631_995_354_518_4],
+    [-0.841_253_532_831_181_2, 0.540_640_817_455_597_6],
+];
+
+/// Bin, of 11 over [−π, π], of the angle of a vector: the edges that it lies beyond are
+/// counted from the middle bin on, on either side. And the distance of the vector from the
+/// nearest edge.
+#[inline(always)]
+fn theta_bin<T: Float>([x, y]: [T; 2]) -> (T, T) {
+    let (zero, one) = (T::zero(), T::one());
+    let mut beyond = zero;
+    // On the left the sign of y parts the first bin from the last.
+    let mut nearest = if x < zero { y.abs() } else { T::infinity() };
+    for [cos, sin] in EDGES {
+        let side = constant::<T>(cos) * y.abs() - constant::<T>(sin) * x;
+        beyond = beyond + if side > zero { one } else { zero };
+        nearest = least(nearest, side.abs());
+    }
+    (constant::<T>((BLOCK / 2) as f64) + beyond.copysign(y), nearest)
+}
+
+/// Bin, of 11 over [−1, 1], and how far the cosine is from the nearest edge.
+#[inline(always)]
+fn cosine_bin<T: Float>(cosine: T) -> (T, T) {
+    let at = (cosine + T::one()) * constant(0.5) * constant(BLOCK as f64);
+    let bin = at.floor();
+    let nearest = least(at - bin, bin + T::one() - at);
+    (within(bin, (BLOCK - 1) as f64), nearest * constant(2.0 / BLOCK as f64))
+}
+
+/// At least 0 and at most `last`; 0 for NaN.
+#[inline(always)]
+fn within<T: Float>(bin: T, last: f64) -> T {
+    let some = if bin > T::zero() { bin } else { T::zero() };
+    least(some, constant(last))
+}
+
+#[inline(always)]
+fn constant<T: Float>(value: f64) -> T {
+    T::from(value).expect("both are floats")
+}
+
+/// The less of two, by one instruction: `min` looks for NaN as well.
+#[inline(always)]
+fn least<T: Float>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+/// A small whole number, which stands in the low bits of its sum with 2²³: unlike a conversion
+/// this is vector code everywhere.
+#[inline(always)]
+fn bits(bin: f32) -> u32 {
+    (bin + 8_388_608.0).to_bits() & 0xf
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use proptest::prelude::*;
+
+    fn of_all(point: Oriented, others: &[Oriented]) -> Lanes {
+        let other = |k: usize| others[k % others.len()];
+        let axis = |of: &dyn Fn(Oriented) -> f32| std::array::from_fn(|k| of(other(k)));
+        Lanes {
+            place: [0, 1, 2].map(|a| axis(&|other| other.place[a] + point.place[a])),
+            normal: [0, 1, 2].map(|a| axis(&|other| other.normal[a])),
+        }
+    }
+
+    fn unit(x: [f64; 3]) -> [f32; 3] {
+        crate::math::normalized(x).map(|x| x as f32)
+    }
+
+    /// Some in general position; some where rounding decides: in one plane, on one line, with
+    /// opposite normals, along the line, nearly so, of no length, near or far.
+    fn oriented() -> impl Strategy<Value = Oriented> {
+        let place = proptest::array::uniform3(prop_oneof![
+            -1.0..1.0f32,
+            -1e-6..1e-6f32,
+            Just(0.0f32),
+            Just(0.5f32),
+            Just(1e-13f32),
+            Just(1e-22f32),
+            Just(1e19f32),
+        ]);
+        let normal = prop_oneof![
+            proptest::array::uniform3(-1.0..1.0f64).prop_map(unit),
+            proptest::array::uniform3(-1e-6..1e-6f64).prop_map(|[x, y, z]| unit([x, y, 1.0 + z])),
+            proptest::array::uniform3(-1e-6..1e-6f64).prop_map(|[x, y, z]| unit([x, y, -1.0 + z])),
+            Just([0.0, 0.0, 1.0]),
+            Just([0.0, 0.0, -1.0]),
+            Just([1.0, 0.0, 0.0]),
+            Just([0.0; 3]),
+        ];
+        (place, normal).prop_map(|(place, normal)| Oriented { place, normal })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        #[test]
+        fn what_is_sure_in_f32_is_so_in_f64(
+            point in oriented(),
+            others in proptest::collection::vec(oriented(), 1..=LANES),
+        ) {
+            for other in others {
+                let lanes = of_all(point, &[other]);
+                let (found, doubted) = quick(point, &lanes);
+                if doubted == 0 {
+                    prop_assert_eq!(found, exact(point, &lanes));
+                }
+                prop_assert_eq!(bins(point, &lanes), exact(point, &lanes));
+            }
+        }
+    }
+
+    #[test]
+    fn few_pairs_of_a_surface_are_left_to_f64() {
+        let boulder = crate::experiment::shape::boulder().sample(2000, 1).unwrap();
+        let points = boulder.points();
+        let oriented: Vec<Oriented> = points
+            .iter()
+            .map(|&place| Oriented { place, normal: unit(place.map(f64::from)) })
+            .collect();
+        let doubted = |i: usize, j: usize| {
+            let there = Lanes {
+                place: oriented[j].place.map(|x| [x; LANES]),
+                normal: oriented[j].normal.map(|x| [x; LANES]),
+            };
+            quick(oriented[i], &there).1 > 0
+        };
+        let pairs = (0..points.len()).flat_map(|i| (1..20).map(move |j| (i, (i + 7 * j) % 2000)));
+        let (all, left) =
+            pairs.fold((0, 0), |(all, left), (i, j)| (all + 1, left + u32::from(doubted(i, j))));
+        assert!(left > 0 && left * 200 < all, "{left} of {all}");
+    }
+
+    /// By the angle itself.
+    fn by_angle([x, y]: [f64; 2]) -> f64 {
+        ((y.atan2(x) + PI) / (2.0 * PI) * BLOCK as f64).floor().clamp(0.0, 10.0)
+    }
+
+    proptest! {
+        #[test]
+        fn angles_fall_into_their_bins(angle in -PI..PI, length in 1e-3..10.0f64) {
+            let share = (angle + PI) / (2.0 * PI) * BLOCK as f64;
+            prop_assume!((share - share.round()).abs() > 1e-12);
+            let at = [length * angle.cos(), length * angle.sin()];
+            prop_assert_eq!(theta_bin(at).0, by_angle(at));
+        }
+    }
+
+    #[test]
+    fn edges_are_those_of_eleven_bins() {
+        for (k, [cos, sin]) in EDGES.into_iter().enumerate() {
+            let angle = (2 * k + 1) as f64 * PI / BLOCK as f64;
+            assert!((cos - angle.cos()).abs() < 1e-15 && (sin - angle.sin()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn every_angle_has_a_bin() {
+        for x in [-1.0, -0.0, 0.0, 1.0] {
+            for y in [-1.0, -0.0, 0.0, 1.0] {
+                assert_eq!(
+                    theta_bin([x, y]).0,
+                    by_angle([x.abs().copysign(x + 0.0), y]),
+                    "{x} {y}"
+                );
+            }
+        }
+        assert_eq!(
+            [-1.1, -1.0, 0.0, 1.0, 1.1, f64::NAN].map(|c| cosine_bin(c).0),
+            [0.0, 0.0, 5.0, 10.0, 10.0, 0.0]
+        );
+        for bin in 0..=10u8 {
+            assert_eq!(bits(f32::from(bin)), u32::from(bin));
+        }
+    }
+}
