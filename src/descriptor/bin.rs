@@ -16,6 +16,7 @@ use num_traits::Float;
 
 use super::fpfh::BLOCK;
 use super::pair::Features;
+use crate::math;
 
 /// Pairs that are looked at together.
 pub(super) const LANES: usize = 16;
@@ -84,8 +85,8 @@ fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
     for k in 0..LANES {
         let other = others.get(k);
         let features = Features::of(point.place, point.normal, other.place, other.normal);
-        let line = crate::math::sub(other.place, point.place);
-        let squared = crate::math::dot(line, line);
+        let line = math::sub(other.place, point.place);
+        let squared = math::dot(line, line);
         let (t, at) = theta_bin(features.theta);
         let (a, aa) = cosine_bin(features.alpha);
         let (f, af) = cosine_bin(features.phi);
@@ -201,7 +202,7 @@ mod tests {
     }
 
     fn unit(x: [f64; 3]) -> [f32; 3] {
-        crate::math::normalized(x).map(|x| x as f32)
+        math::normalized(x).map(|x| x as f32)
     }
 
     /// Some in general position; some where rounding decides: in one plane, on one line, with
@@ -244,6 +245,46 @@ mod tests {
                 }
                 prop_assert_eq!(bins(point, &lanes), exact(point, &lanes));
             }
+        }
+    }
+
+    /// A point at the origin and another, with one angle at an edge of its bins but for rounding.
+    fn at_an_edge() -> impl Strategy<Value = (Oriented, Oriented)> {
+        let turn = proptest::array::uniform3(-1.0..1.0f64);
+        let edge = (0..3usize, 1..BLOCK, -1.0..1.0f64, -PI..PI);
+        (turn.clone(), turn, edge, 0..6i32).prop_map(|(x, y, (angle, k, alpha, theta), steep)| {
+            let (x, z) = (math::normalized(x), math::normalized(math::cross(x, y)));
+            let y = math::cross(z, x);
+            let cosine = (2 * k) as f64 / BLOCK as f64 - 1.0;
+            let (mut theta, mut alpha, mut phi) = (theta, alpha, (-1.0 - f64::from(steep)).exp2());
+            match angle {
+                0 => theta = (2 * k + 1) as f64 * PI / BLOCK as f64,
+                1 => alpha = cosine,
+                _ => phi = cosine,
+            }
+            let of = |[a, b, c]: [f64; 3]| {
+                let sum = math::add(
+                    math::add(math::scaled(x, a), math::scaled(y, b)),
+                    math::scaled(z, c),
+                );
+                sum.map(|x| x as f32)
+            };
+            // u = z, d in the plane of x and z, so that v = −y and w = x.
+            let round = (1.0 - alpha * alpha).sqrt();
+            let normal = of([round * theta.sin(), -alpha, round * theta.cos()]);
+            let place = of([(1.0 - phi * phi).sqrt(), 0.0, phi]);
+            let first = Oriented { place: [0.0; 3], normal: of([0.0, 0.0, 1.0]) };
+            (first, Oriented { place, normal })
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        #[test]
+        fn rounding_at_an_edge_is_left_to_f64((point, other) in at_an_edge()) {
+            let lanes = of_all(point, &[other]);
+            prop_assert_eq!(bins(point, &lanes), exact(point, &lanes));
         }
     }
 
