@@ -128,10 +128,23 @@ pub(super) struct Least {
 impl Reducer for Least {
     #[inline(always)]
     fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
+        // The first least one of each lane, so that no step waits for the one before.
+        let (mut values, mut columns) = ([f32::INFINITY; LANES], [0u32; LANES]);
+        let whole = weights.len() / LANES * LANES;
+        for at in (0..whole).step_by(LANES) {
+            let w: &[f32; LANES] = lane(weights, at);
+            for k in 0..LANES {
+                let nearer = w[k] < values[k];
+                values[k] = if nearer { w[k] } else { values[k] };
+                columns[k] = if nearer { (at + k) as u32 } else { columns[k] };
+            }
+        }
+        let rest = (whole..weights.len()).map(|at| (weights[at], at as u32));
         let (mut least, mut column) = self.found[row];
-        for (at, &value) in weights.iter().enumerate() {
-            if value < least {
-                (least, column) = (value, (first + at) as u32);
+        for (value, at) in values.into_iter().zip(columns).chain(rest) {
+            let at = first as u32 + at;
+            if value < least || (value == least && at < column) {
+                (least, column) = (value, at);
             }
         }
         self.found[row] = (least, column);

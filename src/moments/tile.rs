@@ -54,10 +54,10 @@ impl Rows {
     /// [`Error::NonFinite`] for a row whose squared norm leaves the range of f32.
     pub(super) fn new(descriptors: &Descriptors, mean: &[f64]) -> Result<Self> {
         let dim = descriptors.dim();
-        let centred = |row: &[f32]| -> Vec<f32> {
-            row.iter().zip(mean).map(|(&x, m)| (f64::from(x) - m) as f32).collect()
-        };
-        let values: Vec<f32> = descriptors.rows().flat_map(centred).collect();
+        let mut values = Vec::with_capacity(descriptors.len() * dim);
+        for row in descriptors.rows() {
+            values.extend(row.iter().zip(mean).map(|(&x, m)| (f64::from(x) - m) as f32));
+        }
         let square = |row: &[f32]| row.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>() as f32;
         let norms: Vec<f32> = values.chunks_exact(dim).map(square).collect();
         match norms.iter().position(|&norm| norm > 1e37) {
@@ -82,12 +82,10 @@ impl Rows {
 
     /// The rows named by `indices`, in that order.
     pub(super) fn select(&self, indices: &[u32]) -> Rows {
-        let rows = indices.iter().map(|&i| i as usize);
-        Rows {
-            dim: self.dim,
-            values: rows.clone().flat_map(|i| self.row(i)).copied().collect(),
-            norms: rows.map(|i| self.norms[i]).collect(),
-        }
+        let mut values = Vec::with_capacity(indices.len() * self.dim);
+        indices.iter().for_each(|&i| values.extend_from_slice(self.row(i as usize)));
+        let norms = indices.iter().map(|&i| self.norms[i as usize]).collect();
+        Rows { dim: self.dim, values, norms }
     }
 
     /// Squared norm of each row about the mean of both sides.
