@@ -39,7 +39,7 @@ impl WithSimd for Fused {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> (f64, f32) {
         const CHAINS: usize = 12;
-        let (x, y) = (simd.splat_f32s(0.999), simd.splat_f32s(0.001));
+        let (x, y) = black_box((simd.splat_f32s(0.999), simd.splat_f32s(0.002)));
         let mut sums = [simd.splat_f32s(1.0); CHAINS];
         for _ in 0..self.0 {
             for sum in &mut sums {

@@ -5,5 +5,6 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 source ../python-ref/environment.sh ../python-ref/requirements-peers.txt peers/requirements.txt
+source ../python-ref/pcl/install.sh
 "$python" -m pip install --quiet --disable-pip-version-check ..
 "$python" -m peers "$@"

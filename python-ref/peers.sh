@@ -5,9 +5,6 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 source environment.sh requirements-peers.txt
-if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && ! dpkg -s libpcl-dev cmake >/dev/null 2>&1; then
-    apt-get update -qq
-    apt-get install -y -qq libpcl-dev cmake >/dev/null || echo "PCL could not be installed: left out"
-fi
+source pcl/install.sh
 "$python" -m pip install --quiet --disable-pip-version-check ..
 "$python" -m peers "$@"

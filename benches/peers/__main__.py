@@ -25,6 +25,9 @@ def main():
     options = arguments.parse_args()
     # Libraries read these when they are loaded.
     os.environ.update(dict.fromkeys(THREADS, str(options.threads)))
+    # KISS-Matcher takes as many as it may run on.
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: options.threads])
     lines = []
 
     def say(line=""):
@@ -57,7 +60,7 @@ def versions():
     import cfreg
 
     found = [f"cfreg {cfreg.__version__}"]
-    for name in ("numpy", "scipy", "pykeops", "torch", "open3d"):
+    for name in ("numpy", "scipy", "pykeops", "torch", "open3d", "kiss-matcher"):
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
