@@ -127,11 +127,20 @@ fn main() {
     };
     par::with_threads(1, &mut run).unwrap();
     let sizes: Vec<String> = SIZES.iter().map(|n| n.to_string()).collect();
-    println!("| stage | {} | time | memory | memory |", sizes.join(" | "));
+    println!("cfreg {}, one thread, {}", env!("CARGO_PKG_VERSION"), processor());
+    println!();
+    println!("| stage | {} | time | memory at most | memory |", sizes.join(" | "));
     println!("|---|{}---|---|---|", "---|".repeat(SIZES.len()));
     for stage in features.iter().chain([&dense, &within, &look]) {
         println!("{}", stage.row());
     }
+}
+
+/// Its name, where the system tells.
+fn processor() -> String {
+    let facts = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = facts.lines().find_map(|line| line.strip_prefix("model name")?.split(": ").nth(1));
+    name.unwrap_or("of an unnamed processor").into()
 }
 
 fn described(n: usize, seed: u64, features: &mut [Stage]) -> Side {
