@@ -60,7 +60,7 @@ def versions():
     import cfreg
 
     found = [f"cfreg {cfreg.__version__}"]
-    for name in ("numpy", "scipy", "pykeops", "torch", "open3d", "kiss-matcher"):
+    for name in ("numpy", "scipy", "pykeops", "torch", "open3d", "kiss-matcher", "small_gicp"):
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:

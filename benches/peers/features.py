@@ -9,6 +9,7 @@ import cfreg
 import kiss_matcher
 import numpy as np
 import open3d
+import small_gicp
 
 from .clouds import REPOSITORY, samples
 from .table import row, shortest
@@ -25,6 +26,14 @@ def by_open3d(points):
     cloud.estimate_normals(near)
     cloud.orient_normals_towards_camera_location(np.zeros(3))
     return open3d.pipelines.registration.compute_fpfh_feature(cloud, near).data.T
+
+
+def normals_by_small_gicp(points, threads):
+    """Unit normals (N, 3), of either sign."""
+    cloud = small_gicp.PointCloud(points.astype(np.float64))
+    tree = small_gicp.KdTree(cloud, num_threads=threads)
+    small_gicp.estimate_normals(cloud, tree, num_neighbors=NEIGHBORS, num_threads=threads)
+    return cloud.normals()[:, :3]
 
 
 def reach(points):
@@ -80,6 +89,13 @@ def rows(options):
         times, (ours, theirs) = shortest(call, lambda: by_open3d(cloud))
         same = alike(ours, theirs, 600)
         yield row(f"normals + FPFH, k = {NEIGHBORS}, {len(cloud)} points", *times, "Open3D", same)
+    times, ((ours, _), theirs) = shortest(
+        lambda: cfreg.estimate_normals(held, NEIGHBORS),
+        lambda: normals_by_small_gicp(cloud, options.threads),
+    )
+    cosine = np.abs(np.einsum("ij,ij->i", ours, theirs)).clip(0, 1)
+    same = f"{np.degrees(np.arccos(np.median(cosine))):.0e} deg apart (median)"
+    yield row(f"normals, k = {NEIGHBORS}, {len(cloud)} points", *times, "small_gicp", same)
     what = f"normals + FPFH, {len(cloud)} points"
     radius = reach(cloud)
     near = lambda: cfreg.fpfh(held, NEIGHBORS, scale="pcl")
