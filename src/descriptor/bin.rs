@@ -9,8 +9,9 @@
 //! # The bound
 //! With u = 2⁻²⁴ and unit normals: d = p₂ − p₁ is off by u‖d‖, n·d by 4 u‖d‖ and hence its
 //! share of ‖d‖ by 10 u; d × u by 4.3 u‖d‖, hence v and w by some 13 u ‖d‖/‖d × u‖, v·n₂ and
-//! w·n₂ by 22 u ‖d‖/‖d × u‖ at most; finding the bin adds 4 u. [`DOUBT`] is 64 u, for normals
-//! that are not quite of length 1 as well.
+//! w·n₂ by 22 u ‖d‖/‖d × u‖ at most; finding the bin adds 4 u. Normals of length l
+//! make that l² as much, and the growth 1/l: [`DOUBT`] of 64 u is enough up to l² = 1.5. Longer
+//! ones are left to f64.
 
 use num_traits::Float;
 
@@ -26,6 +27,8 @@ const HALF: usize = LANES / 2;
 /// An angle's sine or cosine nearer than this, times [`Features::growth`], to an edge of bins is
 /// left to f64.
 const DOUBT: f32 = 64.0 * (f32::EPSILON / 2.0);
+/// Squared lengths of normals that the bound holds for.
+const LONGEST: f32 = 1.5;
 /// Squared distances of which f32 loses no digits on the way.
 const FLOATING: std::ops::Range<f32> = 1e-24..1e36;
 
@@ -82,6 +85,7 @@ pub(super) fn bins(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
 fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
     let (mut theta, mut alpha, mut phi) = ([0; LANES], [0; LANES], [0; LANES]);
     let mut doubted = [0u32; LANES];
+    let own = math::dot(point.normal, point.normal);
     for k in 0..LANES {
         let other = others.get(k);
         let features = Features::of(point.place, point.normal, other.place, other.normal);
@@ -91,9 +95,12 @@ fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
         let (a, aa) = cosine_bin(features.alpha);
         let (f, af) = cosine_bin(features.phi);
         let nearest = least(at, least(aa, af));
+        let longest = |own: f32, other: f32| if own > other { own } else { other };
+        let length = longest(own, math::dot(other.normal, other.normal));
         // Written so that NaN is in doubt.
         let sure = (nearest > DOUBT * features.growth)
             & (features.lead > DOUBT)
+            & (length < LONGEST)
             & (squared > FLOATING.start)
             & (squared < FLOATING.end);
         (theta[k], alpha[k], phi[k]) = (bits(t), bits(a), bits(f));
@@ -252,7 +259,9 @@ mod tests {
     fn at_an_edge() -> impl Strategy<Value = (Oriented, Oriented)> {
         let turn = proptest::array::uniform3(-1.0..1.0f64);
         let edge = (0..3usize, 1..BLOCK, -1.0..1.0f64, -PI..PI);
-        (turn.clone(), turn, edge, 0..6i32).prop_map(|(x, y, (angle, k, alpha, theta), steep)| {
+        let lengths = prop_oneof![Just(1.0), 0.1..10.0f64];
+        let all = (turn.clone(), turn, edge, 0..6i32, lengths);
+        all.prop_map(|(x, y, (angle, k, alpha, theta), steep, length)| {
             let (x, z) = (math::normalized(x), math::normalized(math::cross(x, y)));
             let y = math::cross(z, x);
             let cosine = (2 * k) as f64 / BLOCK as f64 - 1.0;
@@ -271,9 +280,9 @@ mod tests {
             };
             // u = z, d in the plane of x and z, so that v = −y and w = x.
             let round = (1.0 - alpha * alpha).sqrt();
-            let normal = of([round * theta.sin(), -alpha, round * theta.cos()]);
+            let normal = of([round * theta.sin(), -alpha, round * theta.cos()].map(|x| length * x));
             let place = of([(1.0 - phi * phi).sqrt(), 0.0, phi]);
-            let first = Oriented { place: [0.0; 3], normal: of([0.0, 0.0, 1.0]) };
+            let first = Oriented { place: [0.0; 3], normal: of([0.0, 0.0, length]) };
             (first, Oriented { place, normal })
         })
     }
