@@ -43,6 +43,58 @@ impl Closest {
         };
         par::map_blocks(places.len(), LEAF, Default::default, task).concat()
     }
+
+    /// Squared distance from each of [`points`](Self::points) to the nearest other one; infinite
+    /// where there is none.
+    pub(super) fn apart(&self) -> Vec<f32> {
+        let arch = pulp::Arch::new();
+        let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
+            let leaf = (block.start / LEAF) as u32;
+            let places: Vec<[f32; 3]> = block.map(|place| self.0.point(place)).collect();
+            let mut nearest = arch.dispatch(Among(&places));
+            // What is nearer than in the leaf itself.
+            let limit = nearest.iter().fold(0.0f32, |a, &b| a.max(b));
+            self.0.near(&Extent::of(places.iter().copied()), limit, LEAF, listed, stack);
+            listed.retain(|&listed| listed != leaf);
+            let outside = Least { leaves: &self.0, listed, places: &places, limit };
+            let outside = arch.dispatch(outside);
+            nearest.iter_mut().zip(outside).for_each(|(near, other)| *near = near.min(other));
+            nearest
+        };
+        par::map_blocks(self.0.len(), LEAF, Default::default, task).concat()
+    }
+}
+
+/// Of each place, to the nearest of the others.
+struct Among<'a>(&'a [[f32; 3]]);
+
+impl WithSimd for Among<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
+        let places = self.0;
+        // Places that are not there are in no distance.
+        let [mut x, mut y, mut z] = [[f32::NAN; LEAF]; 3];
+        for (k, &place) in places.iter().enumerate() {
+            [x[k], y[k], z[k]] = place;
+        }
+        let nearest = |own: usize| {
+            let mut distances = [0.0; LEAF];
+            for k in 0..LEAF {
+                distances[k] = squared_distance(places[own], [x[k], y[k], z[k]]);
+            }
+            distances[own] = f32::NAN;
+            let mut lanes = [f32::INFINITY; LANES];
+            for part in distances.as_chunks::<LANES>().0 {
+                for k in 0..LANES {
+                    lanes[k] = if part[k] < lanes[k] { part[k] } else { lanes[k] };
+                }
+            }
+            lanes.into_iter().fold(f32::INFINITY, f32::min)
+        };
+        (0..places.len()).map(nearest).collect()
+    }
 }
 
 /// Of each place, to the points of the leaves that are listed.
@@ -81,5 +133,29 @@ impl WithSimd for Least<'_> {
             if least <= limit { least } else { f32::INFINITY }
         };
         places.iter().map(least).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        // On a coarse grid: ties, duplicates and shared planes.
+        #[test]
+        fn the_nearest_other_is_that_of_brute_force(
+            points in proptest::collection::vec(proptest::array::uniform3(0..9i32), 1..200),
+        ) {
+            let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
+            let closest = Closest::new(&points).unwrap();
+            let places: Vec<[f32; 3]> = closest.points().collect();
+            let others = |i: usize| (0..places.len()).filter(move |&j| j != i);
+            let brute = |i: usize| {
+                others(i).map(|j| squared_distance(places[i], places[j])).fold(f32::INFINITY, f32::min)
+            };
+            let want: Vec<f32> = (0..places.len()).map(brute).collect();
+            prop_assert_eq!(closest.apart(), want);
+        }
     }
 }

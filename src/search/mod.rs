@@ -202,12 +202,7 @@ pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
     if places.len() < 2 {
         return Ok(0.0);
     }
-    tree::check(&places)?;
-    // The place itself, at no distance, and the next one.
-    let pairs = nearest::all(&Leaves::new(&places), 2);
-    let place = |i: u32| places[i as usize];
-    let apart = |pair: &[u32]| squared_distance(place(pair[0]), place(pair[1]));
-    let mut distances: Vec<f32> = pairs.chunks_exact(2).map(apart).collect();
+    let mut distances = Closest::new(&places)?.apart();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
     Ok(f64::from(*median).sqrt())
