@@ -1,7 +1,9 @@
 //! How many pairs of small clouds a second, end to end: 500 points each, described, connected,
 //! solved and judged?
 //!
-//! Pairs are spread over the threads, each runs on one; read elements (pairs) per second.
+//! Pairs are spread over the threads, each runs on one; read elements (pairs) per second. Before
+//! them the pages of memory that a pair asks of the system once all are warm: near 0, since what
+//! one pair gives back serves the next.
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Cf, Register};
@@ -10,6 +12,14 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 
 const POINTS: usize = 500;
 const PAIRS: usize = 100;
+
+/// Pages of memory that the system has given this process so far (minor page faults: the tenth
+/// field of Linux' `/proc/self/stat`); `None` on other systems.
+fn pages_asked() -> Option<u64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let after_name = stat.rsplit_once(')')?.1;
+    after_name.split_whitespace().nth(7)?.parse().ok()
+}
 
 fn bench(criterion: &mut Criterion) {
     let clouds: Vec<PointCloud> =
@@ -24,6 +34,11 @@ fn bench(criterion: &mut Criterion) {
     };
     // What is measured is the same answer on any number of threads.
     assert_eq!(par::with_threads(1, all).unwrap(), par::with_threads(3, all).unwrap());
+    if let Some(before) = pages_asked() {
+        par::with_threads(1, all).unwrap();
+        let asked = pages_asked().unwrap_or(before) - before;
+        println!("pages asked of the system: {:.2} a pair", asked as f64 / PAIRS as f64);
+    }
     let mut group = criterion.benchmark_group("pairs");
     group.sample_size(10).throughput(Throughput::Elements(PAIRS as u64));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
