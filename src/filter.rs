@@ -1,6 +1,6 @@
 //! Fewer points: voxel grid and random sample.
 
-use std::collections::BTreeMap;
+use std::collections::{HashMap, HashSet};
 
 use rand::SeedableRng;
 use rand::seq::index;
@@ -9,6 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::math;
+use crate::search;
 
 /// One point per occupied cube of side `size`: the mean of the points (and normals) in
 /// it, cubes in the order of their first point.
@@ -33,11 +34,10 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
         let rule = format!("is too small for a cloud {longest:e} long");
         return Err(Error::config("voxel", size, rule));
     }
-    let mut cells: BTreeMap<[i64; 3], usize> = BTreeMap::new();
+    let mut cells: HashMap<[i64; 3], usize> = HashMap::new();
     let mut members: Vec<Vec<usize>> = Vec::new();
     for (i, p) in cloud.positions().enumerate() {
-        let cell = math::sub(p, low).map(|x| (x / size).floor() as i64);
-        let cell = *cells.entry(cell).or_insert_with(|| {
+        let cell = *cells.entry(cube(p, low, size)).or_insert_with(|| {
             members.push(Vec::new());
             members.len() - 1
         });
@@ -56,6 +56,41 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
         members.iter().map(|cell| mean(cell, &value)).collect::<Vec<_>>()
     });
     cloud.replaced(&points, normals.as_deref())
+}
+
+fn cube(p: math::Vec3, low: math::Vec3, size: f64) -> [i64; 3] {
+    math::sub(p, low).map(|x| (x / size).floor() as i64)
+}
+
+/// The side of cubes of which about `count` (within a tenth) hold points of `cloud`: the
+/// length of a [`voxel_grid`] that leaves about as many. For a cloud that has no more points
+/// than that, half as much again as its [`resolution`](search::resolution), which leaves most
+/// of them.
+///
+/// It scales with the cloud. 0 for a cloud in one place, or without points.
+///
+/// # Errors
+/// Those of [`search::resolution`].
+pub fn voxel_side(cloud: &PointCloud, count: usize) -> Result<f64> {
+    if cloud.len() <= count {
+        return Ok(1.5 * search::resolution(cloud.points())?);
+    }
+    let Some((low, high)) = cloud.bounds() else { return Ok(0.0) };
+    let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+    let occupied = |size: f64| {
+        let cubes: HashSet<[i64; 3]> = cloud.positions().map(|p| cube(p, low, size)).collect();
+        cubes.len() as f64
+    };
+    // Surfaces hold cubes by the square of their side; twelve steps are for what is not one.
+    let mut side = longest / 64.0;
+    for _ in 0..12 {
+        let ratio = occupied(side) / count.max(1) as f64;
+        if (0.9..=1.1).contains(&ratio) || side < 1e-6 * longest {
+            break;
+        }
+        side *= ratio.sqrt().clamp(0.25, 4.0);
+    }
+    Ok(side)
 }
 
 /// `count` points drawn without replacement, in their original order; the whole cloud
@@ -87,6 +122,23 @@ mod tests {
         assert_eq!(thin.normals().unwrap(), [[0.0, 0.0, 1.0]; 3]);
         assert_eq!(voxel_grid(&line(10), 1e-3).unwrap().len(), 10);
         assert!(voxel_grid(&PointCloud::default(), 1.0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_side_leaves_about_as_many_in_any_unit() {
+        let plane = |unit: f64| {
+            let at = |i: usize| [unit * (i % 200) as f64, unit * (i / 200) as f64, 7.0 * unit];
+            PointCloud::new(&(0..40_000).map(at).collect::<Vec<_>>()).unwrap()
+        };
+        let side = voxel_side(&plane(1.0), 1000).unwrap();
+        let left = voxel_grid(&plane(1.0), side).unwrap().len();
+        assert!((850..=1150).contains(&left), "{left}");
+        assert_eq!(voxel_side(&plane(1024.0), 1000).unwrap(), 1024.0 * side);
+        // No more points than that: nothing to thin.
+        assert_eq!(voxel_side(&plane(1.0), 40_000).unwrap(), 1.5);
+        let same = PointCloud::new(&[[1.0, 2.0, 3.0]; 50]).unwrap();
+        assert_eq!(voxel_side(&same, 10).unwrap(), 0.0);
+        assert_eq!(voxel_side(&PointCloud::default(), 10).unwrap(), 0.0);
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub mod pose;
 mod python;
 pub mod quality;
 pub mod search;
+pub mod visibility;
 pub mod weight;
 
 pub use cloud::{Descriptors, Mesh, PointCloud, Transform};

@@ -37,6 +37,8 @@ pub enum OrientedBy {
     FrameOrigin,
     /// A viewpoint that was given.
     GivenViewpoint,
+    /// A viewpoint that was guessed from the shape of the cloud.
+    Guess,
     /// The cloud's centroid, from which they point away.
     Centroid,
     /// They were in the cloud.

@@ -12,7 +12,7 @@ const FLOORS: &[(u8, &[&str])] = &[
     (0, &["error", "math", "par"]),
     (1, &["cloud", "weight"]),
     (2, &["io", "search", "moments"]),
-    (3, &["filter", "normals", "keypoint", "descriptor", "pose"]),
+    (3, &["filter", "normals", "keypoint", "descriptor", "pose", "visibility"]),
     (4, &["quality"]),
     (5, &["method"]),
     (7, &["experiment"]),

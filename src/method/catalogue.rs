@@ -5,8 +5,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Cf, Cfk, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration, Teaser,
-    dare,
+    Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration,
+    Teaser, dare,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -18,6 +18,8 @@ use crate::{par, quality};
 #[serde(tag = "method", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Method {
+    /// Matches that agree, judged on the surfaces: [`Consensus`].
+    Consensus(Consensus),
     /// The paper's full connection: [`Cf`].
     Cf(Cf),
     /// The full connection of keypoints: [`Cfk`].
@@ -36,7 +38,8 @@ pub enum Method {
 
 impl Method {
     /// The names `--method` takes.
-    pub const NAMES: [&'static str; 11] = [
+    pub const NAMES: [&'static str; 12] = [
+        "consensus",
         "cf",
         "cf-multiscale",
         "cfk",
@@ -53,6 +56,7 @@ impl Method {
     /// The method's name.
     pub fn name(&self) -> &'static str {
         match self {
+            Method::Consensus(_) => "consensus",
             Method::Cf(_) => "cf",
             Method::Cfk(_) => "cfk",
             Method::Icp(icp) => icp.name(),
@@ -70,7 +74,7 @@ impl Method {
             Method::Kc(kc) => Some(kc),
             Method::Cpd(cpd) => Some(cpd),
             Method::Dare(dare) => Some(dare),
-            Method::Cf(_) | Method::Cfk(_) | Method::Teaser(_) => None,
+            Method::Consensus(_) | Method::Cf(_) | Method::Cfk(_) | Method::Teaser(_) => None,
         }
     }
 
@@ -80,6 +84,7 @@ impl Method {
     /// [`Error::Config`] that names the setting.
     pub fn validate(&self) -> Result<()> {
         let (checked, threads) = match self {
+            Method::Consensus(method) => (method.validate(), method.threads),
             Method::Cf(method) => (method.validate(), method.threads),
             Method::Cfk(method) => (method.validate(), method.connection.threads),
             Method::Icp(method) => (method.validate(), method.threads),
@@ -95,6 +100,8 @@ impl Method {
     /// Agreement beyond chance below which a pose of the method is doubted.
     pub(super) fn least_agreement(&self) -> f64 {
         match self {
+            // Its verdict looks closer.
+            Method::Consensus(_) => f64::NEG_INFINITY,
             Method::Dare(_) => dare::MIN_AGREEMENT,
             method if method.as_refinement().is_some() => quality::MIN_AGREEMENT_BY_POSITION,
             _ => quality::MIN_AGREEMENT,
@@ -103,6 +110,7 @@ impl Method {
 
     fn as_register(&self) -> &dyn Register {
         match self {
+            Method::Consensus(method) => method,
             Method::Cf(method) => method,
             Method::Cfk(method) => method,
             Method::Icp(method) => method,
@@ -120,6 +128,7 @@ impl FromStr for Method {
     /// The method of that name with its defaults.
     fn from_str(name: &str) -> Result<Self> {
         Ok(match name {
+            "consensus" => Method::Consensus(Consensus::default()),
             "cf" => Method::Cf(Cf::default()),
             "cf-multiscale" => Method::Cf(Cf::multiscale()),
             "cfk" => Method::Cfk(Cfk::default()),

@@ -11,7 +11,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
-use crate::quality::{self, Doubt, Evaluation};
+use crate::quality::{self, Doubt, Evaluation, Verdict};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
@@ -29,6 +29,10 @@ pub struct Registration {
     /// `message`, too.
     #[serde(serialize_with = "told")]
     pub doubts: Vec<Doubt>,
+    /// Whether to take the pose, with its probability, for methods that can tell; what is not
+    /// to be taken is in `doubts` too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// How the clouds lie on each other under the pose.
     pub evaluation: Evaluation,
     /// √(Σw‖T p − q‖² / Σw): weighted root mean square over the connections, in the
@@ -115,6 +119,7 @@ impl Registration {
             method: found.config.name(),
             trusted: doubts.is_empty(),
             doubts,
+            verdict: None,
             evaluation,
             weighted_rms: (moments.residual(&transform) / moments.weight).max(0.0).sqrt(),
             beta: None,

@@ -254,6 +254,13 @@ impl FullConnection {
         nearest.into_iter().map(|(_, target)| target).collect()
     }
 
+    /// Pairs (source, target) of points that are each other's most similar, by source point.
+    pub fn mutual(&self) -> Vec<(u32, u32)> {
+        let (there, back) = (self.nearest_targets(), self.nearest_sources());
+        let pairs = there.into_iter().zip(0..).map(|(j, i)| (i, j));
+        pairs.filter(|&(i, j)| back[j as usize] == i).collect()
+    }
+
     /// Of every target point, the source point with the most similar descriptor.
     pub fn nearest_sources(&self) -> Vec<u32> {
         let nearest = nearest(&self.target.rows, &self.source.panels);

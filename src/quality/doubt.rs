@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::evaluate::Evaluation;
+use super::verdict::{ACCEPT, Decision, Verdict};
 
 /// Agreement beyond chance below which a pose is doubted.
 ///
@@ -96,6 +97,18 @@ pub enum Doubt {
         /// Matches that chance hardly brings together.
         needed: usize,
     },
+    /// What speaks for the pose does not outweigh what speaks against it.
+    Improbable {
+        /// [`Verdict::probability`].
+        found: f64,
+        /// [`ACCEPT`].
+        needed: f64,
+    },
+    /// Another pose is about as good: the clouds are symmetric, or repeat.
+    Ambiguous {
+        /// The probability of the other pose.
+        other: f64,
+    },
     /// The search for the largest set of consistent matches ended at its limit: there may
     /// be a larger one.
     CliqueNotProved {
@@ -121,6 +134,21 @@ pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -
         doubts.push(Doubt::Flat { found, needed: FLAT });
     }
     doubts
+}
+
+impl Doubt {
+    /// The ground for doubt that a verdict is, unless it accepts.
+    pub fn of_verdict(verdict: &Verdict) -> Option<Doubt> {
+        match verdict.decision {
+            Decision::Accept => None,
+            Decision::Reject => {
+                Some(Doubt::Improbable { found: verdict.probability, needed: ACCEPT })
+            }
+            Decision::Ambiguous => {
+                verdict.runner_up.map(|runner_up| Doubt::Ambiguous { other: runner_up.probability })
+            }
+        }
+    }
 }
 
 impl fmt::Display for Doubt {
@@ -163,6 +191,16 @@ impl fmt::Display for Doubt {
                 f,
                 "{found} matches agree with this pose, chance alone may bring together up to \
                  {needed}: the clouds may have nothing in common"
+            ),
+            Doubt::Improbable { found, needed } => write!(
+                f,
+                "the pose is right with probability {found:.3}, {needed} is needed: the clouds may \
+                 have too little in common, or nothing"
+            ),
+            Doubt::Ambiguous { other } => write!(
+                f,
+                "another pose is about as good (probability {other:.3}): the clouds are symmetric, \
+                 or show the same shape more than once"
             ),
             Doubt::CliqueNotProved { found } => write!(
                 f,

@@ -5,6 +5,7 @@ mod doubt;
 mod evaluate;
 mod judge;
 mod truth;
+mod verdict;
 
 pub use doubt::{
     Doubt, FLAT, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION, MIN_KEYPOINTS, MIN_SINGULAR_VALUE,
@@ -13,3 +14,4 @@ pub use doubt::{
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use judge::{Judgement, judge};
 pub use truth::{TruthError, truth_error};
+pub use verdict::{ACCEPT, AMBIGUOUS, Decision, RunnerUp, Verdict};

@@ -5,7 +5,7 @@
 //! neighbours only, pruned by the number of colours (Tomita and Kameda 2007) on rows of
 //! bits.
 
-use super::graph::{Graph, count, members};
+use crate::method::graph::{Graph, count, members};
 use crate::par;
 
 /// What a search found.

@@ -15,13 +15,10 @@ pub(super) struct Matches {
 /// Pairs of points that are each other's nearest by descriptor, or, without the check, every
 /// source point with its nearest target point.
 pub(super) fn similar(connection: &FullConnection, cross_check: bool) -> Vec<(u32, u32)> {
-    let there = connection.nearest_targets();
-    let pairs = there.into_iter().enumerate().map(|(i, j)| (i as u32, j));
-    if !cross_check {
-        return pairs.collect();
+    if cross_check {
+        return connection.mutual();
     }
-    let back = connection.nearest_sources();
-    pairs.filter(|&(i, j)| back[j as usize] == i).collect()
+    connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect()
 }
 
 impl Matches {

@@ -2,7 +2,6 @@
 
 mod certificate;
 mod clique;
-mod graph;
 mod inliers;
 mod matches;
 mod rotation;
@@ -17,13 +16,13 @@ use super::{Method, Register};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
+use crate::method::graph::Graph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::quality::Doubt;
 use crate::search;
 pub use certificate::Certificate;
-use graph::Graph;
 use matches::Matches;
 use rotation::{Round, Schedule};
 

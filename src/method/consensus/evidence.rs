@@ -1,0 +1,144 @@
+//! What speaks for a pose: the surfaces themselves, whoever proposed it.
+
+use std::ops::Add;
+
+use super::hypotheses::Matches;
+use super::scan::Surface;
+use crate::cloud::Transform;
+use crate::math;
+
+/// Distance within which surfaces lie on each other, in lengths.
+pub(super) const REACH: f64 = 1.5;
+/// Cosine of the angle between normals from which on surfaces face alike.
+const ALIKE: f64 = 0.7;
+/// How far in front of what was seen a point contradicts it, in lengths.
+const IN_FRONT: f64 = 3.0;
+/// Points of the other surface that a descriptor is compared with.
+const PROBES: usize = 48;
+
+/// What a pose has for and against it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Evidence {
+    /// Share of one surface's points that lie on the other and face alike, by how well they
+    /// do; the larger of the two directions.
+    pub(super) overlap: f64,
+    /// How much more alike than chance the surfaces look where they lie on each other, in nats
+    /// a point, both directions together.
+    pub(super) likeness: f64,
+    /// Matches that agree ([`Matches::support`]).
+    pub(super) support: f64,
+    /// Share of the points that stand where the other's sensor looked through, both directions
+    /// together; `None` where no sensor's place is known.
+    pub(super) contradicted: Option<f64>,
+}
+
+/// One direction.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    points: usize,
+    lying: f64,
+    likeness: f64,
+    looked_at: usize,
+    in_front: usize,
+}
+
+impl Add for Sums {
+    type Output = Sums;
+    fn add(self, other: Sums) -> Sums {
+        Sums {
+            points: self.points + other.points,
+            lying: self.lying + other.lying,
+            likeness: self.likeness + other.likeness,
+            looked_at: self.looked_at + other.looked_at,
+            in_front: self.in_front + other.in_front,
+        }
+    }
+}
+
+impl Evidence {
+    /// Looks at `most` points of each surface, spread evenly; `pose` moves the source, local
+    /// frame to local frame.
+    pub(super) fn of(
+        [source, target]: [&Surface; 2],
+        matches: &Matches,
+        pose: &Transform,
+        most: usize,
+    ) -> Evidence {
+        let length = matches.length;
+        let there = look(source, target, pose, length, most);
+        let back = look(target, source, &pose.inverse(), length, most);
+        let share = |part: f64, whole: usize| part / whole.max(1) as f64;
+        let contradicted = |sums: Sums| share(sums.in_front as f64, sums.looked_at);
+        let known = source.seen.is_some() && target.seen.is_some();
+        Evidence {
+            overlap: share(there.lying, there.points).max(share(back.lying, back.points)),
+            likeness: share(there.likeness, there.points) + share(back.likeness, back.points),
+            support: matches.support(pose),
+            contradicted: known.then(|| contradicted(there) + contradicted(back)),
+        }
+    }
+
+    /// The logarithm of the odds that the pose is right.
+    ///
+    /// A logistic regression on the poses that this method proposed for real pairs of eight
+    /// kinds, each kind of pairs, right and wrong, with the same weight: 4,800 poses where the
+    /// sensors' places are known, 15,700 where they are not. Fitted on all kinds but one it
+    /// picked the right pose of that one as often as it was among those proposed in 428 of
+    /// 431 pairs with known places, in 414 of 433 without.
+    pub(super) fn log_odds(&self) -> f64 {
+        let overlap = (self.overlap + 0.01).ln();
+        let likeness = (self.likeness + 0.1).max(0.01).ln();
+        let support = self.support.ln_1p();
+        match self.contradicted {
+            Some(share) => {
+                3.05 + 0.83 * overlap + 1.58 * likeness + 0.19 * support - 11.02 * share.sqrt()
+            }
+            None => -2.5 - 0.56 * overlap + 1.71 * likeness + 0.93 * support,
+        }
+    }
+}
+
+/// `from` under `pose`, on and in front of `onto`.
+fn look(from: &Surface, onto: &Surface, pose: &Transform, length: f64, most: usize) -> Sums {
+    let step = from.len().div_ceil(most).max(1);
+    let reach = REACH * length;
+    let looks = (0..from.len()).step_by(step).map(|i| {
+        let mut sums = Sums { points: 1, ..Sums::default() };
+        let place = pose.apply(from.place(i));
+        if let Some(ahead) = onto.seen.as_ref().and_then(|seen| seen.in_front(place)) {
+            sums.looked_at = 1;
+            sums.in_front = usize::from(ahead > IN_FRONT * length);
+        }
+        let near = onto.tree.nearest(&place.map(|x| x as f32));
+        if f64::from(near.squared_distance) >= reach * reach {
+            return sums;
+        }
+        let j = near.index as usize;
+        let normal = onto.normal(j);
+        let facing = math::dot(pose.rotate(from.normal(i)), normal);
+        if facing <= ALIKE {
+            return sums;
+        }
+        let off = math::dot(normal, math::sub(place, onto.place(j))) / (0.75 * reach);
+        let lying = (1.0 - off * off).max(0.0) * (facing - ALIKE) / (1.0 - ALIKE);
+        sums.lying = lying;
+        sums.likeness = lying * likeness(from, onto, i, j);
+        sums
+    });
+    looks.fold(Sums::default(), Sums::add)
+}
+
+/// How much more alike two points look than the first and others of the second's surface: minus
+/// the logarithm of the share that is as alike, less its mean, 1, for points that have nothing
+/// to do with each other. Flat pieces, which look like any other, tell nothing by it.
+fn likeness(from: &Surface, onto: &Surface, i: usize, j: usize) -> f64 {
+    let row = from.descriptors.row(i);
+    let distance = |j: usize| -> f32 {
+        row.iter().zip(onto.descriptors.row(j)).map(|(a, b)| (a - b) * (a - b)).sum()
+    };
+    let own = distance(j);
+    let probe = |k: usize| (k * onto.len() + onto.len() / 2) / PROBES;
+    let as_alike = (0..PROBES).filter(|&k| distance(probe(k)) <= own).count();
+    let share = (as_alike as f64 + 0.5) / (PROBES as f64 + 1.0);
+    -share.ln() - 1.0
+}

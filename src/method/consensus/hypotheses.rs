@@ -1,0 +1,153 @@
+//! Poses that many matches agree on.
+//!
+//! Two matches are compatible when they are as far apart in the target as in the source. That
+//! holds by chance for many; that two compatible matches are compatible with the *same* others
+//! holds for few wrong ones: the second-order measure of SC²-PCR (Chen et al., CVPR 2022),
+//! counted on rows of bits. Every match in turn, strongest first, weighs the others by it and
+//! is solved in closed form, unless a pose found before explains it.
+
+use crate::cloud::Transform;
+use crate::math::{self, Vec3};
+use crate::method::graph::{Graph, members};
+use crate::moments::Moments;
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solver};
+
+/// Most different distances of compatible matches, in lengths.
+const COMPATIBLE: f64 = 1.5;
+/// Distance below which two matches tell nothing by their distance, in lengths.
+const APART: f32 = 2.0;
+/// Others that a match is solved with first.
+const MATES: usize = 12;
+/// Bounds of the distances within which matches agree with a pose, step by step, in
+/// [`COMPATIBLE`] lengths.
+const BOUNDS: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
+
+/// Matched points, each about its surface's origin.
+pub(super) struct Matches {
+    pub(super) source: Vec<[f32; 3]>,
+    pub(super) target: Vec<[f32; 3]>,
+    /// The length of both scans.
+    pub(super) length: f64,
+}
+
+/// A pose in local frames, and the matches that agree with it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hypothesis {
+    pub(super) pose: Transform,
+    /// Σ 1 − r²/τ² over the matches with a residual r below τ.
+    pub(super) support: f64,
+}
+
+impl Matches {
+    fn len(&self) -> usize {
+        self.source.len()
+    }
+
+    fn reach(&self) -> f64 {
+        COMPATIBLE * self.length
+    }
+
+    fn compatible(&self) -> Graph {
+        let (near, reach) = (APART * self.length as f32, self.reach() as f32);
+        Graph::new(self.len(), |i, j| {
+            let a = math::norm(math::sub(self.source[i], self.source[j]));
+            let b = math::norm(math::sub(self.target[i], self.target[j]));
+            a > near && b > near && (a - b).abs() < reach
+        })
+    }
+
+    fn squared_residual(&self, pose: &Transform, k: usize) -> f64 {
+        let place = |p: [f32; 3]| p.map(f64::from);
+        let off = math::sub(pose.apply(place(self.source[k])), place(self.target[k]));
+        math::dot(off, off)
+    }
+
+    /// Matches that agree with `pose` ([`Hypothesis::support`]).
+    pub(super) fn support(&self, pose: &Transform) -> f64 {
+        let square = self.reach().powi(2);
+        let agrees = |k| (1.0 - self.squared_residual(pose, k) / square).max(0.0);
+        (0..self.len()).map(agrees).sum()
+    }
+
+    fn solve(&self, weighted: impl Iterator<Item = (usize, f64)>) -> Option<Transform> {
+        let mut moments = Moments::about([0.0; 3], [0.0; 3]);
+        let place = |p: [f32; 3]| -> Vec3 { p.map(f64::from) };
+        for (k, weight) in weighted {
+            moments.add_pair(weight, place(self.source[k]), place(self.target[k]));
+        }
+        let solved = pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed);
+        solved.ok().map(|solution| solution.transform)
+    }
+
+    /// The pose that the matches within shrinking bounds of it settle on.
+    fn settle(&self, mut pose: Transform) -> Transform {
+        for bound in BOUNDS {
+            let square = (bound * self.reach()).powi(2);
+            let near = (0..self.len()).filter_map(|k| {
+                let rest = 1.0 - self.squared_residual(&pose, k) / square;
+                (rest > 0.0).then_some((k, rest * rest))
+            });
+            match self.solve(near) {
+                Some(next) => pose = next,
+                None => break,
+            }
+        }
+        pose
+    }
+
+    /// The poses of at most `seeds` matches, best supported first.
+    pub(super) fn hypotheses(&self, seeds: usize) -> Vec<Hypothesis> {
+        let graph = self.compatible();
+        let common = |i: usize, j: usize| -> usize {
+            graph.row(i).iter().zip(graph.row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
+        };
+        let strength = par::map(
+            self.len(),
+            || (),
+            |_, i| members(graph.row(i)).map(|j| common(i, j)).sum::<usize>(),
+        );
+        let mut order: Vec<usize> = (0..self.len()).filter(|&i| strength[i] > 0).collect();
+        order.sort_by_key(|&i| (std::cmp::Reverse(strength[i]), i));
+        let mut explained = vec![false; self.len()];
+        let mut found = Vec::new();
+        let square = self.reach().powi(2);
+        let mut tried = 0;
+        for seed in order {
+            if tried == seeds {
+                break;
+            }
+            if explained[seed] {
+                continue;
+            }
+            tried += 1;
+            let mut mates: Vec<(usize, usize)> =
+                members(graph.row(seed)).map(|j| (common(seed, j), j)).collect();
+            mates.sort_by_key(|&(common, j)| (std::cmp::Reverse(common), j));
+            mates.truncate(MATES);
+            let own = mates.first().map_or(1, |&(most, _)| most);
+            let weighted = mates.iter().map(|&(common, j)| (j, common as f64));
+            let Some(first) = self.solve(weighted.chain([(seed, own as f64)])) else { continue };
+            let pose = self.settle(first);
+            let support = self.support(&pose);
+            // Two matches agree with some pose always.
+            if support < 2.0 {
+                continue;
+            }
+            for (k, explained) in explained.iter_mut().enumerate() {
+                *explained |= self.squared_residual(&pose, k) < square;
+            }
+            found.push(Hypothesis { pose, support });
+        }
+        found.sort_by(|a, b| b.support.total_cmp(&a.support));
+        found
+    }
+
+    /// Edges of the graph over those of a full one: how many pairs of matches are compatible.
+    #[cfg(test)]
+    fn density(&self) -> f64 {
+        let graph = self.compatible();
+        let edges: usize = (0..graph.len()).map(|v| count(graph.row(v))).sum();
+        edges as f64 / (graph.len() * (graph.len() - 1)) as f64
+    }
+}

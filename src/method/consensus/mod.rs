@@ -1,0 +1,377 @@
+//! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
+
+mod evidence;
+mod hypotheses;
+mod scan;
+mod settle;
+
+use serde::{Deserialize, Serialize};
+
+use self::evidence::{Evidence, REACH};
+use self::hypotheses::Matches;
+use self::scan::{Scan, Surface, View};
+use self::settle::{Settled, settle};
+use super::registration::{Counts, Found, PointCounts, Timings};
+use super::{Method, Register, Registration, StopReason};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::filter;
+use crate::math::{self, Vec3};
+use crate::moments::FullConnection;
+use crate::par;
+use crate::pose::{self, ScaleEstimate, Solver};
+use crate::quality::{Doubt, RunnerUp, Verdict};
+
+/// Global registration of scans that overlap in part: the method for clouds of which nothing is
+/// known.
+///
+/// The full connection of both clouds is made sparse (pairs that are each other's most alike by
+/// FPFH); each match weighs the others by how many matches both are compatible with, and is
+/// solved in closed form ([SC²-PCR], Chen et al., CVPR 2022); the poses are judged on the
+/// surfaces themselves: how much of them lies on each other, how alike it looks there, what
+/// stands where a sensor looked through. The best are settled point to plane and judged again.
+/// The [`Verdict`] tells how probable the answer is and what else it might be.
+///
+/// All lengths follow from one, [`voxel`](Self::voxel), and that from the clouds: the unit does
+/// not matter, nor where the clouds stand. Where the place of a sensor is known
+/// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
+/// where it is not, it is guessed.
+///
+/// ```
+/// use cfreg::method::{Consensus, Register};
+/// # use cfreg::experiment::shape::boulder;
+/// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
+/// let registration = Consensus::default().register(&source, &target)?;
+/// let verdict = registration.verdict.unwrap();
+/// println!("{:?} {:.3}", verdict.decision, verdict.probability);
+/// assert!(registration.transform.angle().to_degrees() < 2.0);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+///
+/// [SC²-PCR]: https://arxiv.org/abs/2203.14453
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Consensus {
+    /// The length that all others follow from, in the unit of the coordinates, above 0: clouds
+    /// are thinned to one point per cube of this side. Default [`filter::voxel_side`] of 5000
+    /// points, of the cloud where it is longer.
+    pub voxel: Option<f64>,
+    /// Matches from which a pose is sought, at least 1; default 200. More find smaller
+    /// overlaps, at a cost that grows with them.
+    pub seeds: usize,
+    /// Threads, 0 for all cores. Never changes the result.
+    pub threads: usize,
+}
+
+impl Default for Consensus {
+    fn default() -> Self {
+        Consensus { voxel: None, seeds: 200, threads: 0 }
+    }
+}
+
+/// Points that a cloud is thinned to.
+const POINTS: usize = 5000;
+/// Most matches: their graph takes the square of them in bits.
+const MATCHES: usize = 2500;
+/// Points by which hypotheses are judged at first.
+const GLANCE: usize = 200;
+/// Hypotheses that are settled.
+const SETTLED: usize = 12;
+/// Points by which they are settled and judged then, and most steps.
+const LOOK: (usize, u32) = (1000, 12);
+/// Most steps of the answer, by all points.
+const STEPS: u32 = 30;
+/// Log odds from which on no other way to see the clouds is tried. The highest of a wrong pose
+/// was 1.5 where the sensors' places were known.
+const SURE: f64 = 3.0;
+/// Poses that move points apart by less than this, in lengths, are one.
+const SAME: f64 = 3.0;
+/// And from this on a runner-up is another answer.
+const OTHER: f64 = 8.0;
+
+/// A pose in local frames, with what speaks for it.
+#[derive(Clone, Copy)]
+struct Candidate {
+    pose: Transform,
+    evidence: Evidence,
+}
+
+/// One way to see both clouds, and what came of it.
+struct Attempt {
+    surfaces: [Surface; 2],
+    matches: Matches,
+    /// Most probable first; may be empty.
+    candidates: Vec<Candidate>,
+}
+
+impl Consensus {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the name of the first setting that is out of its range.
+    pub fn validate(&self) -> Result<()> {
+        if let Some(voxel) = self.voxel.filter(|&voxel| !(voxel > 0.0 && voxel <= 1e15)) {
+            return Err(Error::config("voxel", voxel, "must be above 0 and at most 1e15"));
+        }
+        if self.seeds == 0 {
+            return Err(Error::config("seeds", 0, "must be at least 1"));
+        }
+        Ok(())
+    }
+
+    fn resolved(&self, source: &PointCloud, target: &PointCloud) -> Result<Consensus> {
+        if self.voxel.is_some() {
+            return Ok(self.clone());
+        }
+        let side = filter::voxel_side(source, POINTS)?.max(filter::voxel_side(target, POINTS)?);
+        if side <= 0.0 {
+            // All points in one place.
+            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
+        }
+        Ok(Consensus { voxel: Some(side), ..self.clone() })
+    }
+
+    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.validate()?;
+        for (cloud, what) in [(source, "the source"), (target, "the target")] {
+            if cloud.len() < 3 {
+                let found = cloud.len();
+                return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
+            }
+        }
+        let mut times = Timings::default();
+        let config = times.time("thin", || self.resolved(source, target))?;
+        let length = config.voxel.unwrap_or(0.0);
+        let scans = times.time("thin", || {
+            let source = Scan::new(source, length, "the source")?;
+            Ok::<_, Error>([source, Scan::new(target, length, "the target")?])
+        })?;
+        let attempts = config.attempts(&scans, length, &mut times)?;
+        let odds = |attempt: &Attempt| {
+            attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
+        };
+        // The first of those that are equally good.
+        let best = attempts.iter().rev().max_by(|a, b| odds(a).total_cmp(&odds(b)));
+        let Some((best, first)) = best.and_then(|at| Some((at, at.candidates.first()?))) else {
+            return Err(Error::NoWeight);
+        };
+        let [from, onto] = &best.surfaces;
+        let ends = [from, onto];
+        let settled =
+            times.time("refine", || settle(ends, &first.pose, REACH * length, usize::MAX, STEPS));
+        let evidence = Evidence::of(ends, &best.matches, &settled.pose, LOOK.0);
+        let runner_up = runner_up(&attempts, &best.surfaces, &settled.pose, length);
+        let verdict = verdict(&evidence, runner_up);
+        config.conclude(&scans, best, settled, verdict, times)
+    }
+
+    /// Tries the ways to see the clouds in turn, until one is sure.
+    fn attempts(
+        &self,
+        scans: &[Scan<'_>; 2],
+        length: f64,
+        times: &mut Timings,
+    ) -> Result<Vec<Attempt>> {
+        let mut attempts = Vec::new();
+        let mut attempt = |views: [View; 2], times: &mut Timings| -> Result<bool> {
+            let found = self.attempt(scans, views, length, times)?;
+            let odds = found.candidates.first().map(|best| best.evidence.log_odds());
+            attempts.push(found);
+            Ok(odds.is_some_and(|odds| odds >= SURE))
+        };
+        let sensors = times
+            .time("viewpoints", || Ok::<_, Error>([scans[0].sensor()?, scans[1].sensor()?]))?;
+        if let [Some(source), Some(target)] = sensors {
+            if attempt([source, target], times)? {
+                return Ok(attempts);
+            }
+        }
+        if attempt([View::Outward; 2], times)? {
+            return Ok(attempts);
+        }
+        let [source, target] = times
+            .time("viewpoints", || Ok::<_, Error>([scans[0].guesses()?, scans[1].guesses()?]))?;
+        for (source, target) in source.into_iter().zip(target) {
+            if let (Some(source), Some(target)) = (source, target) {
+                if attempt([source, target], times)? {
+                    break;
+                }
+            }
+        }
+        Ok(attempts)
+    }
+
+    fn attempt(
+        &self,
+        scans: &[Scan<'_>; 2],
+        [from, onto]: [View; 2],
+        length: f64,
+        times: &mut Timings,
+    ) -> Result<Attempt> {
+        let [source, target] = times.time("descriptors", || {
+            Ok::<_, Error>([scans[0].surface(from)?, scans[1].surface(onto)?])
+        })?;
+        let matches = times.time("matches", || matched(&source, &target, length))?;
+        let mut found = times.time("hypotheses", || matches.hypotheses(self.seeds));
+        let corners = corners(&source);
+        let mut distinct: Vec<Transform> = Vec::new();
+        for hypothesis in found.drain(..) {
+            let new = |pose: &Transform| apart(pose, &hypothesis.pose, &corners) > SAME * length;
+            if distinct.iter().all(new) {
+                distinct.push(hypothesis.pose);
+            }
+        }
+        let ends = [&source, &target];
+        let judged = |pose: Transform, most| Candidate {
+            pose,
+            evidence: Evidence::of(ends, &matches, &pose, most),
+        };
+        let sorted = |mut all: Vec<Candidate>| {
+            all.sort_by(|a, b| b.evidence.log_odds().total_cmp(&a.evidence.log_odds()));
+            all
+        };
+        let candidates = times.time("judge", || {
+            let glance = par::map(distinct.len(), || (), |_, i| judged(distinct[i], GLANCE));
+            let mut best = sorted(glance);
+            best.truncate(SETTLED);
+            let (most, steps) = LOOK;
+            sorted(par::map(
+                best.len(),
+                || (),
+                |_, i| judged(settle(ends, &best[i].pose, REACH * length, most, steps).pose, most),
+            ))
+        });
+        Ok(Attempt { surfaces: [source, target], matches, candidates })
+    }
+
+    fn conclude(
+        self,
+        scans: &[Scan<'_>; 2],
+        best: &Attempt,
+        settled: Settled,
+        verdict: Verdict,
+        times: Timings,
+    ) -> Result<Registration> {
+        let [from, onto] = &best.surfaces;
+        let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
+            dropped: scan.whole().dropped(),
+            used: scan.whole().len(),
+            keypoints: None,
+            described: surface.len(),
+            neighbors: Some(scan.neighbors()),
+            oriented_by: Some(surface.oriented_by),
+        };
+        let solution = pose::solve(&settled.moments, Solver::Arun, ScaleEstimate::Fixed);
+        let found = Found {
+            transform: global(&settled.pose, from, onto),
+            moments: settled.moments,
+            singular_values: solution.map_or([0.0; 3], |solution| solution.singular_values),
+            connections: from.len() as u64 * onto.len() as u64,
+            iterations: settled.steps,
+            stop: StopReason::PoseSettled,
+            trace: Vec::new(),
+            points: PointCounts {
+                source: counts(&scans[0], from),
+                target: counts(&scans[1], onto),
+            },
+            times,
+            doubts: Doubt::of_verdict(&verdict).into_iter().collect(),
+            config: Method::Consensus(self),
+        };
+        // Thinned clouds are what was laid on each other, and one length fits both.
+        let concluded = Registration::conclude(found, scans[0].thin(), scans[1].thin())?;
+        Ok(Registration { verdict: Some(verdict), ..concluded })
+    }
+}
+
+/// Pairs of points that are each other's most alike, the most alike first where there are many.
+fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
+    let connection = FullConnection::new(source.described(), target.described())?;
+    let mut pairs = connection.mutual();
+    if pairs.len() > MATCHES {
+        let distance = |&(i, j): &(u32, u32)| -> f32 {
+            let rows = (source.descriptors.row(i as usize), target.descriptors.row(j as usize));
+            rows.0.iter().zip(rows.1).map(|(a, b)| (a - b) * (a - b)).sum()
+        };
+        pairs.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        pairs.truncate(MATCHES);
+    }
+    Ok(Matches {
+        source: pairs.iter().map(|&(i, _)| source.points[i as usize]).collect(),
+        target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
+        length,
+    })
+}
+
+/// The most probable pose that is another than `pose`, of all attempts.
+fn runner_up(
+    attempts: &[Attempt],
+    [from, onto]: &[Surface; 2],
+    pose: &Transform,
+    length: f64,
+) -> Option<RunnerUp> {
+    let corners = corners(from);
+    let others = attempts.iter().flat_map(|attempt| &attempt.candidates);
+    others
+        .filter(|other| apart(&other.pose, pose, &corners) > OTHER * length)
+        .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
+        .map(|other| RunnerUp {
+            transform: global(&other.pose, from, onto),
+            probability: probability(&other.evidence),
+        })
+}
+
+fn probability(evidence: &Evidence) -> f64 {
+    1.0 / (1.0 + (-evidence.log_odds()).exp())
+}
+
+fn verdict(evidence: &Evidence, runner_up: Option<RunnerUp>) -> Verdict {
+    let mut reasons = vec![
+        format!("{:.0} % of a surface lies on the other and faces alike", 100.0 * evidence.overlap),
+        format!("surfaces that lie on each other look alike by {:.2} nats", evidence.likeness),
+        format!("{:.1} matches agree", evidence.support),
+    ];
+    if let Some(share) = evidence.contradicted {
+        let percent = 100.0 * share;
+        reasons.push(format!("{percent:.1} % stand where a sensor looked through"));
+    }
+    Verdict::new(probability(evidence), evidence.overlap, reasons, runner_up)
+}
+
+/// Eight points spread over the surface, in the order of its points.
+fn corners(surface: &Surface) -> Vec<Vec3> {
+    (0..8).map(|k| surface.place(k * (surface.len() - 1) / 7)).collect()
+}
+
+/// Mean distance between where two poses put `places`.
+fn apart(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
+    let off = |&place: &Vec3| math::norm(math::sub(a.apply(place), b.apply(place)));
+    places.iter().map(off).sum::<f64>() / places.len() as f64
+}
+
+/// A pose between local frames as one between the clouds' own.
+fn global(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+    let there = math::add(pose.translation, onto.origin);
+    Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
+}
+
+impl Register for Consensus {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        par::with_threads(self.threads, || self.run(source, target))?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_name_the_field() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let found = Consensus { voxel: Some(bad), ..Consensus::default() }.validate();
+            assert!(matches!(found, Err(Error::Config { field: "voxel", .. })), "{bad}");
+        }
+        let found = Consensus { seeds: 0, ..Consensus::default() }.validate();
+        assert!(matches!(found, Err(Error::Config { field: "seeds", .. })));
+    }
+}

@@ -1,0 +1,179 @@
+//! A cloud as this method sees it: thinned, with normals, described once it is known from
+//! where it was seen.
+
+use crate::cloud::{Descriptors, PointCloud};
+use crate::descriptor::{HistogramScale, fpfh};
+use crate::error::{Error, Result};
+use crate::filter;
+use crate::math::{self, Vec3};
+use crate::moments::Described;
+use crate::normals::{self, Orientation, OrientedBy};
+use crate::search::{Neighborhood, Neighbors, SearchTree};
+use crate::visibility::{DepthImage, Sight, Viewpoints};
+
+/// Nearest points that make a normal.
+const NORMAL_NEIGHBORS: usize = 20;
+/// Nearest points that make a descriptor.
+const NEIGHBORS: usize = 100;
+/// Points on which a viewpoint is sought.
+const SIGHTED: usize = 1500;
+/// What may speak against the origin of a frame ([`Sight::implausible`]) that passes for the
+/// sensor's place: depth frames have 0.05 to 0.2 there, places at random 0.3 and more.
+const PLAUSIBLE: f64 = 0.2;
+
+/// A cloud thinned to one length.
+pub(super) struct Scan<'a> {
+    whole: &'a PointCloud,
+    thin: PointCloud,
+    neighbors: Neighbors,
+    /// Of either sign.
+    normals: Vec<[f32; 3]>,
+    length: f64,
+}
+
+/// From where a scan is taken to be seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum View {
+    /// The sensor's place, as the cloud says: what lies between it and the surfaces was empty.
+    Sensor(Vec3, OrientedBy),
+    /// A place that orients the normals alone, in the thinned cloud's local frame.
+    Guess(Vec3),
+    /// From all around.
+    Outward,
+}
+
+/// A scan seen from a place. Positions are about `origin`.
+pub(super) struct Surface {
+    pub(super) points: Vec<[f32; 3]>,
+    pub(super) origin: Vec3,
+    /// Unit vectors.
+    pub(super) normals: Vec<[f32; 3]>,
+    pub(super) descriptors: Descriptors,
+    pub(super) tree: SearchTree,
+    pub(super) seen: Option<DepthImage>,
+    pub(super) oriented_by: OrientedBy,
+}
+
+impl<'a> Scan<'a> {
+    /// Thins `whole` to about one point per cube of side `length`; `name` is what errors call it.
+    pub(super) fn new(whole: &'a PointCloud, length: f64, name: &str) -> Result<Self> {
+        let thin = filter::voxel_grid(whole, length)?;
+        if thin.len() < 3 {
+            let what = format!("{name}, thinned to {length:e}");
+            return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
+        }
+        let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
+        let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
+        let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
+        Ok(Scan { whole, thin, neighbors, normals, length })
+    }
+
+    pub(super) fn thin(&self) -> &PointCloud {
+        &self.thin
+    }
+
+    pub(super) fn whole(&self) -> &PointCloud {
+        self.whole
+    }
+
+    pub(super) fn neighbors(&self) -> usize {
+        NEIGHBORS.min(self.thin.len())
+    }
+
+    /// The sensor's place: what the cloud says or, where that is plausible, the origin of its
+    /// frame.
+    pub(super) fn sensor(&self) -> Result<Option<View>> {
+        if let Some(at) = self.whole.viewpoint() {
+            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
+        }
+        let origin = self.whole.frame_origin();
+        let against =
+            self.sighted(|sight, _| sight.implausible(math::sub(origin, self.thin.origin())))?;
+        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
+    }
+
+    /// The places from which it may have been seen, by its shape alone.
+    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
+        let found = self.sighted(Viewpoints::find)?;
+        Ok([found.outside, found.inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+    }
+
+    /// Looks at some of the points, positions about the thinned cloud's origin.
+    fn sighted<T>(&self, look: impl Fn(Sight<'_>, &[Vec3]) -> T) -> Result<T> {
+        let side = filter::voxel_side(&self.thin, SIGHTED)?;
+        let few = match side > self.length {
+            true => filter::voxel_grid(&self.thin, side)?,
+            false => self.thin.clone(),
+        };
+        let find = |k| Neighbors::find(few.points(), Neighborhood::Nearest(k));
+        let normals = normals::estimate(&few, &find(15)?, Orientation::Outward)?.vectors;
+        let around = find(30)?;
+        let shift = math::sub(few.origin(), self.thin.origin());
+        let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
+        let points: Vec<Vec3> = (0..few.len()).map(place).collect();
+        let toward: Vec<Vec3> = (0..few.len())
+            .map(|i| {
+                let near = around.of(i);
+                let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, points[j as usize]));
+                math::sub(math::scaled(sum, 1.0 / near.len() as f64), points[i])
+            })
+            .collect();
+        let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
+        let sight = Sight { points: &points, normals: &normals, spacing: side.max(self.length) };
+        Ok(look(sight, &toward))
+    }
+
+    /// The scan seen from `view`, described.
+    pub(super) fn surface(&self, view: View) -> Result<Surface> {
+        let (points, origin) = (self.thin.points(), self.thin.origin());
+        let sight = Sight { points, normals: &self.normals, spacing: self.length };
+        let (normals, oriented_by) = match view {
+            View::Sensor(at, by) => (sight.towards(math::sub(at, origin)), by),
+            View::Guess(at) => (sight.towards(at), OrientedBy::Guess),
+            View::Outward => (self.normals.clone(), OrientedBy::Centroid),
+        };
+        let descriptors = fpfh(points, &normals, &self.neighbors, HistogramScale::Open3d)?;
+        let defined =
+            |&i: &usize| normals[i] != [0.0; 3] && descriptors.row(i).iter().any(|&bin| bin != 0.0);
+        let defined: Vec<usize> = (0..points.len()).filter(defined).collect();
+        if defined.len() < 3 {
+            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
+        }
+        let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
+        let seen = match view {
+            View::Sensor(at, _) => {
+                let local = self.whole.positions().map(|p| math::sub(p, origin));
+                DepthImage::new(local, math::sub(at, origin), self.length)
+            }
+            View::Guess(_) | View::Outward => None,
+        };
+        Ok(Surface {
+            tree: SearchTree::new(&points)?,
+            points,
+            origin,
+            normals: defined.iter().map(|&i| normals[i]).collect(),
+            descriptors: descriptors.select(&defined),
+            seen,
+            oriented_by,
+        })
+    }
+}
+
+impl Surface {
+    pub(super) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    pub(super) fn place(&self, i: usize) -> Vec3 {
+        self.points[i].map(f64::from)
+    }
+
+    pub(super) fn normal(&self, i: usize) -> Vec3 {
+        self.normals[i].map(f64::from)
+    }
+
+    /// One side of a full connection.
+    pub(super) fn described(&self) -> Described<'_> {
+        Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    }
+}

@@ -1,0 +1,99 @@
+//! A pose made exact on the surfaces: point to plane, weighed by nearness and facing.
+
+use super::scan::Surface;
+use crate::cloud::Transform;
+use crate::math::cholesky::{self, Mat6, Vec6};
+use crate::math::{self, Vec3};
+use crate::moments::Moments;
+
+/// Cosine of the angle between normals above which points are paired, whichever way they face.
+const ALIKE: f64 = 0.7;
+/// Weight of the distance along the surface beside that across it: keeps planes from sliding.
+const ALONG: f64 = 0.05;
+/// Pairs below which nothing is solved.
+const LEAST: usize = 10;
+/// Steps during which pairs may be twice as far apart.
+const WIDE: usize = 3;
+
+/// A pose at rest, and the moments of the pairs it rests on.
+#[derive(Clone, Copy)]
+pub(super) struct Settled {
+    pub(super) pose: Transform,
+    pub(super) moments: Moments,
+    pub(super) steps: u32,
+}
+
+/// Moves `pose`, local frame to local frame, until it rests or for `steps`, by `most` points of
+/// the source spread evenly; pairs are at most `reach` apart.
+pub(super) fn settle(
+    [source, target]: [&Surface; 2],
+    start: &Transform,
+    reach: f64,
+    most: usize,
+    steps: u32,
+) -> Settled {
+    let stride = source.len().div_ceil(most).max(1);
+    let none = Moments::about(source.origin, target.origin);
+    let mut settled = Settled { pose: *start, moments: none, steps: 0 };
+    for step in 0..steps {
+        let reach = if (step as usize) < WIDE { 2.0 * reach } else { reach };
+        let mut system = System { curvature: [[0.0; 6]; 6], pull: [0.0; 6], unit: reach };
+        let (mut moments, mut pairs) = (none, 0);
+        for i in (0..source.len()).step_by(stride) {
+            let place = settled.pose.apply(source.place(i));
+            let near = target.tree.nearest(&place.map(|x| x as f32));
+            let far = f64::from(near.squared_distance) / (reach * reach);
+            let j = near.index as usize;
+            let normal = target.normal(j);
+            let facing = math::dot(settled.pose.rotate(source.normal(i)), normal).abs();
+            if far >= 1.0 || facing < ALIKE {
+                continue;
+            }
+            let weight = facing * (1.0 - far) * (1.0 - far);
+            system.add(weight, place, normal, math::sub(place, target.place(j)));
+            moments.add_pair(weight, source.place(i), target.place(j));
+            pairs += 1;
+        }
+        if pairs < LEAST {
+            break;
+        }
+        let Some(factor) = cholesky::factor(&system.curvature) else { break };
+        let [a, b, c, x, y, z] = cholesky::solve(&factor, &system.pull);
+        let shift = math::scaled([x, y, z], reach);
+        let turn = Transform::from_rotation_vector([a, b, c]);
+        let moved = Transform { translation: shift, ..turn };
+        settled = Settled { pose: moved.after(&settled.pose), moments, steps: step + 1 };
+        if math::norm([a, b, c]) < 1e-4 && math::norm(shift) < 0.01 * reach {
+            break;
+        }
+    }
+    settled
+}
+
+/// Normal equations of a motion: a rotation vector, and a translation in units.
+struct System {
+    curvature: Mat6,
+    pull: Vec6,
+    unit: f64,
+}
+
+impl System {
+    fn add(&mut self, weight: f64, place: Vec3, normal: Vec3, off: Vec3) {
+        self.add_along(weight, place, normal, math::dot(normal, off));
+        for axis in 0..3 {
+            let mut direction = [0.0; 3];
+            direction[axis] = 1.0;
+            self.add_along(ALONG * weight, place, direction, off[axis]);
+        }
+    }
+
+    fn add_along(&mut self, weight: f64, place: Vec3, direction: Vec3, off: f64) {
+        let [a, b, c] = math::cross(place, direction);
+        let [x, y, z] = math::scaled(direction, self.unit);
+        let row = [a, b, c, x, y, z];
+        for u in 0..6 {
+            self.pull[u] -= weight * row[u] * off;
+            (0..6).for_each(|v| self.curvature[u][v] += weight * row[u] * row[v]);
+        }
+    }
+}

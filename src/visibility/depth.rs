@@ -1,0 +1,90 @@
+//! The depth image of a scan: what is nearest in each direction from the viewpoint.
+
+use std::collections::HashMap;
+
+use super::Pixel;
+use crate::math::{self, Vec3};
+
+/// How far a sensor saw in each direction.
+pub struct DepthImage {
+    viewpoint: Vec3,
+    /// Width of a pixel, as the tangent of an angle.
+    side: f64,
+    nearest: HashMap<Pixel, f32>,
+}
+
+impl DepthImage {
+    /// The image of `points` from `viewpoint`; a pixel is as wide as `spacing` at the median
+    /// distance. `None` where the viewpoint is in the middle of the points, in one place with
+    /// most of them.
+    pub fn new(
+        points: impl ExactSizeIterator<Item = Vec3> + Clone,
+        viewpoint: Vec3,
+        spacing: f64,
+    ) -> Option<DepthImage> {
+        let rays = points.map(|point| math::sub(point, viewpoint));
+        let mut distances: Vec<f64> = rays.clone().map(math::norm).collect();
+        let middle = distances.len() / 2;
+        if distances.is_empty() {
+            return None;
+        }
+        let (_, &mut median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+        let side = spacing / median;
+        // A pixel of more than half a face tells nothing; below 1e-8 its number overflows.
+        if !(1e-8..1.0).contains(&side) {
+            return None;
+        }
+        let mut nearest = HashMap::new();
+        for ray in rays {
+            let depth = math::norm(ray) as f32;
+            if depth > 0.0 {
+                let seen = nearest.entry(Pixel::of(ray, side)).or_insert(f32::INFINITY);
+                *seen = depth.min(*seen);
+            }
+        }
+        Some(DepthImage { viewpoint, side, nearest })
+    }
+
+    /// How far `place` lies in front of the nearest surface that was seen in its direction
+    /// (or right beside it); negative behind. `None` where nothing was seen.
+    pub fn in_front(&self, place: Vec3) -> Option<f64> {
+        let ray = math::sub(place, self.viewpoint);
+        let distance = math::norm(ray);
+        if distance <= 0.0 {
+            return None;
+        }
+        let pixel = Pixel::of(ray, self.side);
+        self.nearest.get(&pixel)?;
+        // The least of the pixels around: a surface has gaps between its points.
+        let seen = pixel.around().filter_map(|pixel| self.nearest.get(&pixel));
+        let seen = seen.copied().fold(f32::INFINITY, f32::min);
+        Some(f64::from(seen) - distance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_hides_what_is_behind_and_nothing_in_front() {
+        let wall =
+            (0..400).map(|i| [0.1 * f64::from(i % 20) - 1.0, 0.1 * f64::from(i / 20) - 1.0, 5.0]);
+        let viewpoint = [0.0, 0.0, 1.0];
+        let image = DepthImage::new(wall.collect::<Vec<_>>().into_iter(), viewpoint, 0.1).unwrap();
+        let front = image.in_front([0.02, 0.02, 3.0]).unwrap();
+        assert!((front - 2.0).abs() < 0.02, "{front}");
+        assert!((image.in_front([0.02, 0.02, 8.0]).unwrap() + 3.0).abs() < 0.02);
+        // Beside the wall, behind the sensor, at its place.
+        assert_eq!(image.in_front([9.0, 0.0, 5.0]), None);
+        assert_eq!(image.in_front([0.0, 0.0, -3.0]), None);
+        assert_eq!(image.in_front(viewpoint), None);
+    }
+
+    #[test]
+    fn no_image_without_a_distance() {
+        let same = [[1.0, 2.0, 3.0]; 5];
+        assert!(DepthImage::new(same.into_iter(), same[0], 0.1).is_none());
+        assert!(DepthImage::new([].into_iter(), same[0], 0.1).is_none());
+    }
+}

@@ -1,0 +1,48 @@
+//! What a sensor saw, and from where.
+//!
+//! A scan says more than where surfaces are: everything between the sensor and them was empty.
+//! [`DepthImage`] keeps that, [`viewpoint`] finds the place of the sensor where no file tells it.
+
+mod depth;
+mod viewpoint;
+
+pub use depth::DepthImage;
+pub use viewpoint::{Side, Sight, Viewpoints};
+
+use crate::math::Vec3;
+
+/// The pixel of a direction on the six faces of a cube about the viewpoint: unlike longitude
+/// and latitude it has no poles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Pixel {
+    face: u8,
+    at: [i32; 2],
+}
+
+impl Pixel {
+    /// Of a direction that is not zero; `side` is the width of a pixel on a cube of half side 1.
+    fn of(direction: Vec3, side: f64) -> Pixel {
+        let size = direction.map(f64::abs);
+        let axis = if size[0] >= size[1] && size[0] >= size[2] {
+            0
+        } else if size[1] >= size[2] {
+            1
+        } else {
+            2
+        };
+        let at = [1, 2].map(|next| {
+            let across = direction[(axis + next) % 3] / size[axis] / side;
+            across.floor() as i32
+        });
+        Pixel { face: 2 * axis as u8 + u8::from(direction[axis] > 0.0), at }
+    }
+
+    /// The pixel and those around it on the same face.
+    fn around(self) -> impl Iterator<Item = Pixel> {
+        let shift = |x: i32, d: i32| x.saturating_add(d);
+        (-1..=1).flat_map(move |u| {
+            (-1..=1)
+                .map(move |v| Pixel { at: [shift(self.at[0], u), shift(self.at[1], v)], ..self })
+        })
+    }
+}

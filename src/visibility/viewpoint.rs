@@ -1,0 +1,226 @@
+//! Where a scan was seen from, by the scan alone.
+//!
+//! From the sensor's place no surface hides another and few are seen at a grazing angle. From
+//! another place both happen. That leaves two places open for a shell: an object seen from
+//! outside looks like a hollow seen from within. [`Viewpoints::find`] gives the best of each.
+
+use std::collections::HashMap;
+
+use super::Pixel;
+use crate::math::{self, Vec3};
+use crate::par;
+
+/// A scan, thinned so that its points are about `spacing` apart.
+#[derive(Clone, Copy)]
+pub struct Sight<'a> {
+    /// Positions about any origin.
+    pub points: &'a [[f32; 3]],
+    /// Their normals, of either sign; zero where undefined.
+    pub normals: &'a [[f32; 3]],
+    /// Distance of neighbouring points.
+    pub spacing: f64,
+}
+
+/// On which side of the surfaces a viewpoint lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Surfaces bend away from it: an object seen from outside.
+    Outside,
+    /// Surfaces bend around it: a room seen from within.
+    Inside,
+}
+
+/// The best viewpoints, with what speaks against each ([`Sight::implausible`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Viewpoints {
+    /// From outside.
+    pub outside: Option<(Vec3, f64)>,
+    /// From within.
+    pub inside: Option<(Vec3, f64)>,
+}
+
+/// Width of a pixel in spacings at the median distance: most hold a point or two.
+const PIXEL: f64 = 2.0;
+/// Pixel widths behind the nearest point from which a point counts as hidden.
+const HIDDEN: f64 = 3.0;
+/// Cosine of ray and normal below which a surface is grazed.
+const GRAZED: f64 = 0.2;
+/// Directions that are tried at each distance.
+const DIRECTIONS: usize = 48;
+/// Distances that are tried, in root mean square radii about the centroid.
+const DISTANCES: [f64; 6] = [0.4, 0.8, 1.3, 2.0, 3.5, 100.0];
+/// The best places from which a better one is sought.
+const REFINED: usize = 4;
+
+impl Sight<'_> {
+    /// What speaks against `viewpoint`, 0 (nothing) to some 3: the share of points that others
+    /// hide, half the share seen at a grazing angle, twice the share within three spacings.
+    pub fn implausible(&self, viewpoint: Vec3) -> f64 {
+        self.cost(viewpoint, &mut HashMap::new())
+    }
+
+    fn cost(&self, viewpoint: Vec3, nearest: &mut HashMap<Pixel, f64>) -> f64 {
+        nearest.clear();
+        let n = self.points.len();
+        let ray = |point: &[f32; 3]| math::sub(point.map(f64::from), viewpoint);
+        let mut distances: Vec<f64> = self.points.iter().map(|p| math::norm(ray(p))).collect();
+        let all = distances.clone();
+        let (_, &mut median, _) = distances.select_nth_unstable_by(n / 2, f64::total_cmp);
+        let side = (PIXEL * self.spacing / median).clamp(1e-8, 1.0);
+        let pixels: Vec<Pixel> = self.points.iter().map(|p| Pixel::of(ray(p), side)).collect();
+        for (&pixel, &distance) in pixels.iter().zip(&all) {
+            let seen = nearest.entry(pixel).or_insert(f64::INFINITY);
+            *seen = distance.min(*seen);
+        }
+        let (mut hidden, mut grazed, mut close) = (0, 0, 0);
+        for i in 0..n {
+            let distance = all[i];
+            let width = (side * distance).max(self.spacing);
+            hidden += usize::from(distance - nearest[&pixels[i]] > HIDDEN * width);
+            let across = math::dot(ray(&self.points[i]), self.normals[i].map(f64::from)).abs();
+            grazed += usize::from(across < GRAZED * distance);
+            close += usize::from(distance < 3.0 * self.spacing);
+        }
+        (hidden as f64 + 0.5 * grazed as f64 + 2.0 * close as f64) / n as f64
+    }
+
+    /// The normals, turned towards `viewpoint`.
+    pub fn towards(&self, viewpoint: Vec3) -> Vec<[f32; 3]> {
+        let turned = |(point, normal): (&[f32; 3], &[f32; 3])| {
+            let ray = math::sub(viewpoint, point.map(f64::from));
+            let away = math::dot(ray, normal.map(f64::from)) < 0.0;
+            if away { normal.map(|x| -x) } else { *normal }
+        };
+        self.points.iter().zip(self.normals).map(turned).collect()
+    }
+
+    /// Whether surfaces bend away from `viewpoint` or around it; `toward` is, for every point,
+    /// the way from it to the mean of its neighbours.
+    fn side(&self, viewpoint: Vec3, toward: &[Vec3]) -> Side {
+        let normals = self.towards(viewpoint);
+        let bends = normals.iter().zip(toward).map(|(n, &m)| math::dot(n.map(f64::from), m));
+        if bends.sum::<f64>() < 0.0 { Side::Outside } else { Side::Inside }
+    }
+
+    fn frame(&self) -> (Vec3, f64) {
+        let n = self.points.len() as f64;
+        let sum = self.points.iter().fold([0.0; 3], |sum, p| math::add(sum, p.map(f64::from)));
+        let center = math::scaled(sum, 1.0 / n);
+        let square = |p: &[f32; 3]| {
+            let from = math::sub(p.map(f64::from), center);
+            math::dot(from, from)
+        };
+        (center, (self.points.iter().map(square).sum::<f64>() / n).sqrt())
+    }
+}
+
+impl Viewpoints {
+    /// The best viewpoints of `sight`; `toward` is, for every point, the way from it to the
+    /// mean of its neighbours.
+    pub fn find(sight: Sight<'_>, toward: &[Vec3]) -> Viewpoints {
+        if sight.points.is_empty() {
+            return Viewpoints { outside: None, inside: None };
+        }
+        let (center, radius) = sight.frame();
+        let shells = DISTANCES.iter().flat_map(|&distance| {
+            directions().map(move |d| math::add(center, math::scaled(d, distance * radius)))
+        });
+        let places: Vec<Vec3> = std::iter::once(center).chain(shells).collect();
+        let judged = |nearest: &mut HashMap<_, _>, at: Vec3| (at, sight.cost(at, nearest));
+        let mut all = par::map(places.len(), HashMap::new, |nearest, i| judged(nearest, places[i]));
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let better = par::map(all.len().min(REFINED), HashMap::new, |nearest, i| {
+            descend(all[i], center, radius, |at| judged(nearest, at))
+        });
+        all.extend(better);
+        all.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let best = |side| all.iter().find(|(at, _)| sight.side(*at, toward) == side).copied();
+        Viewpoints { outside: best(Side::Outside), inside: best(Side::Inside) }
+    }
+}
+
+/// Steps along the axes, halved where none helps (pattern search).
+fn descend(
+    start: (Vec3, f64),
+    center: Vec3,
+    radius: f64,
+    mut judged: impl FnMut(Vec3) -> (Vec3, f64),
+) -> (Vec3, f64) {
+    let (mut best, mut step) = (start, 0.3);
+    while step > 0.04 {
+        let reach = step * math::norm(math::sub(best.0, center)).max(0.2 * radius);
+        let before = best.1;
+        for k in 0..6 {
+            let mut at = best.0;
+            at[k / 2] += if k % 2 == 0 { reach } else { -reach };
+            let found = judged(at);
+            if found.1 < best.1 {
+                best = found;
+            }
+        }
+        if best.1 >= before {
+            step /= 2.0;
+        }
+    }
+    best
+}
+
+/// Directions spread evenly over the sphere: a Fibonacci lattice.
+fn directions() -> impl Iterator<Item = Vec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..DIRECTIONS).map(move |i| {
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
+        let (sine, cosine) = (golden * i as f64).sin_cos();
+        let around = (1.0 - z * z).sqrt();
+        [around * cosine, around * sine, z]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a sphere of radius 1 with z above `lowest`, some 0.06 apart, their normals,
+    /// and the ways to their neighbours.
+    fn cap(lowest: f64) -> (Vec<[f32; 3]>, Vec<Vec3>) {
+        let n = 3000;
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let all = (0..n).map(|i| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
+            let (sine, cosine) = (golden * f64::from(i)).sin_cos();
+            [(1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z]
+        });
+        let points: Vec<Vec3> = all.filter(|p| p[2] > lowest).collect();
+        let toward = points.iter().map(|&p| math::scaled(p, -0.01)).collect();
+        (points.iter().map(|p| p.map(|x| x as f32)).collect(), toward)
+    }
+
+    #[test]
+    fn a_cap_is_seen_from_above_or_from_within() {
+        let (points, toward) = cap(0.2);
+        let sight = Sight { points: &points, normals: &points, spacing: 0.065 };
+        let found = Viewpoints::find(sight, &toward);
+        let (outside, cost) = found.outside.unwrap();
+        assert!(outside[2] > 1.0 && cost < 0.1, "{found:?}");
+        let (inside, cost) = found.inside.unwrap();
+        assert!(inside[2] < 0.7 && cost < 0.1, "{found:?}");
+        // From the side a part of it hides the rest or is grazed.
+        assert!(sight.implausible([30.0, 0.0, 0.0]) > 0.2);
+    }
+
+    #[test]
+    fn a_whole_sphere_has_no_viewpoint_outside() {
+        let (points, toward) = cap(-2.0);
+        let sight = Sight { points: &points, normals: &points, spacing: 0.065 };
+        let found = Viewpoints::find(sight, &toward);
+        assert!(found.outside.unwrap().1 > 0.3, "{found:?}");
+        assert!(found.inside.unwrap().1 < 0.1);
+    }
+
+    #[test]
+    fn nothing_has_no_viewpoint() {
+        let sight = Sight { points: &[], normals: &[], spacing: 1.0 };
+        let none = Viewpoints { outside: None, inside: None };
+        assert_eq!(Viewpoints::find(sight, &[]), none);
+    }
+}
