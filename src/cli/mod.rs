@@ -3,6 +3,7 @@
 //! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
 //! to be trusted, 2 no answer.
 
+mod benchmark;
 mod clouds;
 mod evaluate;
 mod options;
@@ -46,6 +47,8 @@ enum Command {
     Demo(trials::Demo),
     /// The paper's accuracy test on a cloud of your own (Table II)
     Accuracy(trials::Accuracy),
+    /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
+    Benchmark(benchmark::Benchmark),
     /// The paper's experiments: every trial, and its tables beside the printed ones
     Reproduce(reproduce::Reproduce),
 }
@@ -67,6 +70,7 @@ pub fn main(meter: Option<Meter>) -> ExitCode {
         Command::Evaluate(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Accuracy(command) => command.run(),
+        Command::Benchmark(command) => command.run(),
         Command::Reproduce(command) => command.run(meter),
     };
     match outcome {

@@ -3,6 +3,8 @@
 
 pub mod accuracy;
 #[cfg(feature = "figures")]
+pub mod benchmark;
+#[cfg(feature = "figures")]
 pub mod figure;
 mod model;
 mod motion;

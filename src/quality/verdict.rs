@@ -6,8 +6,9 @@ use crate::cloud::Transform;
 
 /// Probability from which on a pose is accepted.
 pub const ACCEPT: f64 = 0.5;
-/// Probability of another pose from which on an answer is ambiguous.
-pub const AMBIGUOUS: f64 = 0.5;
+/// Odds of another pose, relative to those of the answer, from which on the answer is
+/// ambiguous, if the other would be accepted too.
+pub const AMBIGUOUS: f64 = 0.1;
 
 /// What to do with a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -53,10 +54,13 @@ impl Verdict {
         reasons: Vec<String>,
         runner_up: Option<RunnerUp>,
     ) -> Verdict {
-        let other = runner_up.map_or(0.0, |other| other.probability);
+        let odds = |probability: f64| probability / (1.0 - probability);
+        let rivals = |other: RunnerUp| {
+            other.probability >= ACCEPT && odds(other.probability) >= AMBIGUOUS * odds(probability)
+        };
         let decision = if probability.is_nan() || probability < ACCEPT {
             Decision::Reject
-        } else if other >= AMBIGUOUS {
+        } else if runner_up.is_some_and(rivals) {
             Decision::Ambiguous
         } else {
             Decision::Accept
@@ -78,7 +82,9 @@ mod tests {
         };
         assert_eq!(decided(0.99, None), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.01)), Decision::Accept);
-        assert_eq!(decided(0.99, Some(0.9)), Decision::Ambiguous);
+        assert_eq!(decided(0.99, Some(0.95)), Decision::Ambiguous);
+        // A hundred times less probable.
+        assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
         assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
     }

@@ -81,9 +81,8 @@ const SETTLED: usize = 12;
 const LOOK: (usize, u32) = (1000, 12);
 /// Most steps of the answer, by all points.
 const STEPS: u32 = 30;
-/// Log odds from which on no other way to see the clouds is tried. The highest of a wrong pose
-/// was 1.5 where the sensors' places were known.
-const SURE: f64 = 3.0;
+/// Log odds from which on no other way to see the clouds is tried.
+const SURE: f64 = 5.0;
 /// Poses that move points apart by less than this, in lengths, are one.
 const SAME: f64 = 3.0;
 /// And from this on a runner-up is another answer.
@@ -322,7 +321,8 @@ fn runner_up(
 }
 
 fn probability(evidence: &Evidence) -> f64 {
-    1.0 / (1.0 + (-evidence.log_odds()).exp())
+    // Nothing is certain: odds stay finite.
+    1.0 / (1.0 + (-evidence.log_odds().clamp(-30.0, 30.0)).exp())
 }
 
 fn verdict(evidence: &Evidence, runner_up: Option<RunnerUp>) -> Verdict {

@@ -1,0 +1,95 @@
+//! `cfreg benchmark`: methods over a list of pairs with known poses.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::{Outcome, outputs, print, progress};
+use crate::error::Result;
+use crate::experiment::benchmark::{self, Rule, Settings, Viewpoints, list, report};
+use crate::par;
+
+#[derive(Args)]
+pub(super) struct Benchmark {
+    /// Lists: CSV with the columns source, target, t00 to t33 and, if known, dataset, overlap
+    /// and units (m, cm, mm); or gt.log of 3DMatch
+    #[arg(required = true)]
+    pairs: Vec<PathBuf>,
+    /// Folder that the files of CSV lists are relative to [default: that of each list]
+    #[arg(long, value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Method, refinements after +: cf-multiscale+gicp; may be given more than once
+    #[arg(long, value_name = "METHOD", default_value = "consensus")]
+    method: Vec<String>,
+    /// Rows as CSV; a run that was cut short goes on from what is there
+    #[arg(long, value_name = "ROWS.csv")]
+    output: Option<PathBuf>,
+    /// Register the clouds where they stand, not moved at random
+    #[arg(long)]
+    as_they_stand: bool,
+    /// Seed of the motions
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Where the sensors stood
+    #[arg(long, value_enum, default_value_t = Sensors::File)]
+    viewpoints: Sensors,
+    /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
+    /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
+    #[arg(long)]
+    rule: Option<Rule>,
+    /// Points that each cloud is thinned to at random, 0 for all
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    sample: usize,
+    /// Every N-th pair of the lists alone
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Threads, 0 for all cores; never changes the poses
+    #[arg(long, value_name = "T", default_value_t = 0)]
+    threads: usize,
+}
+
+/// Words for [`Viewpoints`].
+#[derive(Clone, Copy, ValueEnum)]
+enum Sensors {
+    /// Where the files say, if they do
+    File,
+    /// At the zero of each file's frame, where it says nothing
+    Origin,
+    /// Unknown
+    None,
+}
+
+impl Benchmark {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let lists: Vec<_> = self.pairs.iter().map(PathBuf::as_path).collect();
+        outputs::check(&lists, &[("output", self.output.as_deref())])?;
+        let mut pairs = Vec::new();
+        for path in lists {
+            let own = path.parent().unwrap_or(Path::new(""));
+            pairs.extend(list::read(path, self.folder.as_deref().unwrap_or(own))?);
+        }
+        let pairs: Vec<_> = pairs.into_iter().step_by(self.every as usize).collect();
+        let settings = Settings {
+            moved: !self.as_they_stand,
+            seed: self.seed,
+            viewpoints: match self.viewpoints {
+                Sensors::File => Viewpoints::File,
+                Sensors::Origin => Viewpoints::Origin,
+                Sensors::None => Viewpoints::None,
+            },
+            rule: self.rule,
+            points: self.sample,
+        };
+        let bar = progress(1, "pairs");
+        let follow = |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let rows = par::with_threads(self.threads, || {
+            benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
+        })??;
+        bar.finish_and_clear();
+        print(&report::markdown(&rows))?;
+        Ok(Outcome::Trusted)
+    }
+}

@@ -1,0 +1,220 @@
+//! Lists of pairs with known poses: CSV, and the `gt.log` of 3DMatch.
+
+use std::path::{Path, PathBuf};
+
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+
+/// Two clouds and the pose between them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pair {
+    /// Set that it belongs to; pairs of a set are counted together.
+    pub dataset: String,
+    /// File of the cloud that is moved.
+    pub source: PathBuf,
+    /// File of the cloud that stays.
+    pub target: PathBuf,
+    /// Source into target frame; `None` for clouds that have nothing in common.
+    pub truth: Option<Transform>,
+    /// Share of the source that the target shows too, if it is known.
+    pub overlap: Option<f64>,
+    /// The clouds' unit in metres.
+    pub unit: f64,
+}
+
+/// Reads a list.
+///
+/// CSV needs a header with `source`, `target` (files, relative to `folder`) and `t00` to `t33`
+/// (T_target_source, row by row); `dataset`, `overlap` (a share) and `units` (`m`, `cm` or
+/// `mm`) are read where they are there. A row whose pose is empty, or whose overlap is 0, is a
+/// pair without a right answer.
+///
+/// A file whose name ends in `.log` is taken for 3DMatch's: for each pair a line with the
+/// numbers of target and source and four of the pose; the clouds are `cloud_bin_N.ply` beside
+/// it, or in the folder of the same name without `-evaluation`, as the full data sets come.
+///
+/// # Errors
+/// [`Error::Io`], and [`Error::Parse`] with the line that cannot be understood.
+pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
+    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+    let pairs = match path.extension().is_some_and(|end| end == "log") {
+        true => log(path, &text)?,
+        false => table(path, folder, &text)?,
+    };
+    if pairs.is_empty() {
+        return Err(parse(path, 1, "no pair"));
+    }
+    Ok(pairs)
+}
+
+fn parse(path: &Path, line: usize, what: impl Into<String>) -> Error {
+    Error::Parse { path: path.into(), line: Some(line), byte: None, what: what.into() }
+}
+
+fn table(path: &Path, folder: &Path, text: &str) -> Result<Vec<Pair>> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|error| parse(path, 1, error.to_string()))?.clone();
+    let column = |name: &str| header.iter().position(|title| title.trim() == name);
+    let needed = |name: &str| {
+        column(name).ok_or_else(|| parse(path, 1, format!("no column {name} in the header")))
+    };
+    let (source, target) = (needed("source")?, needed("target")?);
+    let mut entries = [[0; 4]; 4];
+    for (i, row) in entries.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry = needed(&format!("t{i}{j}"))?;
+        }
+    }
+    let (dataset, overlap, units) = (column("dataset"), column("overlap"), column("units"));
+    let mut pairs = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| {
+            let line = error.position().map_or(0, |position| position.line() as usize);
+            parse(path, line, error.to_string())
+        })?;
+        let line = record.position().map_or(0, |position| position.line() as usize);
+        let field = |column: usize| record.get(column).unwrap_or("").trim();
+        let number = |column: usize| -> Result<f64> {
+            let text = field(column);
+            text.parse().map_err(|_| parse(path, line, format!("{text:?} is no number")))
+        };
+        let overlap = match overlap.filter(|&column| !field(column).is_empty()) {
+            Some(column) => Some(number(column)?),
+            None => None,
+        };
+        let apart =
+            overlap == Some(0.0) || entries.as_flattened().iter().all(|&at| field(at).is_empty());
+        let truth = match apart {
+            true => None,
+            false => {
+                let mut matrix = [[0.0; 4]; 4];
+                for (row, columns) in matrix.iter_mut().zip(entries) {
+                    for (entry, column) in row.iter_mut().zip(columns) {
+                        *entry = number(column)?;
+                    }
+                }
+                Some(
+                    Transform::from_matrix(matrix)
+                        .map_err(|error| parse(path, line, error.to_string()))?,
+                )
+            }
+        };
+        let unit = match units.map_or("m", field) {
+            "" | "m" => 1.0,
+            "cm" => 0.01,
+            "mm" => 0.001,
+            other => return Err(parse(path, line, format!("unit {other:?}: must be m, cm or mm"))),
+        };
+        let set = dataset.map(field).filter(|set| !set.is_empty()).unwrap_or("pairs");
+        pairs.push(Pair {
+            dataset: set.into(),
+            source: folder.join(field(source)),
+            target: folder.join(field(target)),
+            truth,
+            overlap,
+            unit,
+        });
+    }
+    Ok(pairs)
+}
+
+fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
+    let lines: Vec<(usize, Vec<f64>)> = text
+        .lines()
+        .zip(1..)
+        .filter(|(line, _)| !line.trim().is_empty())
+        .map(|(line, number)| {
+            let words = line.split_whitespace().map(|word| {
+                word.parse().map_err(|_| parse(path, number, format!("{word:?} is no number")))
+            });
+            Ok((number, words.collect::<Result<Vec<f64>>>()?))
+        })
+        .collect::<Result<_>>()?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
+    let set = name.as_deref().unwrap_or("pairs");
+    let scene = set.strip_suffix("-evaluation").unwrap_or(set);
+    let file = |number: f64| {
+        let cloud = format!("cloud_bin_{number}.ply");
+        let beside = folder.join(&cloud);
+        if beside.exists() { beside } else { folder.with_file_name(scene).join(cloud) }
+    };
+    let mut pairs = Vec::new();
+    for block in lines.chunks(5) {
+        let (at, head) = &block[0];
+        if head.len() < 2 || block.len() < 5 {
+            return Err(parse(path, *at, "a pair is a line with two numbers and four of a pose"));
+        }
+        let mut matrix = [[0.0; 4]; 4];
+        for (row, (line, words)) in matrix.iter_mut().zip(&block[1..]) {
+            *row = words[..]
+                .try_into()
+                .map_err(|_| parse(path, *line, "a row of a pose has four numbers"))?;
+        }
+        pairs.push(Pair {
+            dataset: scene.into(),
+            source: file(head[1]),
+            target: file(head[0]),
+            truth: Some(
+                Transform::from_matrix(matrix)
+                    .map_err(|error| parse(path, *at, error.to_string()))?,
+            ),
+            overlap: None,
+            unit: 1.0,
+        });
+    }
+    Ok(pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str =
+        "source,target,t00,t01,t02,t03,t10,t11,t12,t13,t20,t21,t22,t23,t30,t31,t32,t33";
+
+    fn read_text(name: &str, text: &str) -> Result<Vec<Pair>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        read(&path, folder.path())
+    }
+
+    #[test]
+    fn a_table_is_read_with_what_it_has() {
+        let row = "a.ply,b.ply,1,0,0,5,0,1,0,0,0,0,1,0,0,0,0,1";
+        let pairs = read_text("p.csv", &format!("{HEADER}\n{row}\n")).unwrap();
+        assert_eq!(pairs[0].truth.unwrap().translation, [5.0, 0.0, 0.0]);
+        assert_eq!((pairs[0].unit, pairs[0].overlap), (1.0, None));
+        assert!(pairs[0].source.ends_with("a.ply") && pairs[0].dataset == "pairs");
+        let text =
+            format!("dataset,{HEADER},overlap,units\nx,{row},0.5,cm\ny,a,b,,,,,,,,,,,,,,,,,,mm\n");
+        let pairs = read_text("p.csv", &text).unwrap();
+        assert_eq!((pairs[0].overlap, pairs[0].unit), (Some(0.5), 0.01));
+        assert_eq!((pairs[1].truth, pairs[1].unit), (None, 0.001));
+    }
+
+    #[test]
+    fn a_log_names_target_and_source() {
+        let text = "0\t 2\t 60\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
+        let pairs = read_text("gt.log", text).unwrap();
+        assert!(pairs[0].source.ends_with("cloud_bin_2.ply"));
+        assert!(pairs[0].target.ends_with("cloud_bin_0.ply"));
+        assert_eq!(pairs[0].truth.unwrap().translation, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn what_cannot_be_understood_is_named() {
+        let said = |name, text: &str| read_text(name, text).unwrap_err().to_string();
+        assert!(said("p.csv", "source,target\na,b\n").contains("t00"));
+        let bad = format!("{HEADER}\na,b,1,0,0,x,0,1,0,0,0,0,1,0,0,0,0,1\n");
+        assert!(said("p.csv", &bad).contains("\"x\""));
+        let mirrored = format!("{HEADER}\na,b,-1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1\n");
+        assert!(read_text("p.csv", &mirrored).is_err());
+        assert!(said("p.csv", HEADER).contains("no pair"));
+        assert!(said("gt.log", "0 1 2\n1 0 0\n").contains("line"));
+        assert!(
+            said("gt.log", "0 1 2\n1 0 0\n0 1 0 2\n0 0 1 3\n0 0 0 1\n").contains("four numbers")
+        );
+    }
+}

@@ -1,0 +1,412 @@
+//! Any methods over a list of real pairs with known poses: how many are right, how fast, and
+//! how well their verdicts know.
+
+pub mod list;
+pub mod report;
+pub mod rule;
+
+use std::collections::HashMap;
+use std::fs::{self, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+pub use list::Pair;
+pub use rule::Rule;
+
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::io;
+use crate::math::{self, Vec3};
+use crate::method::{Chain, Register, Registration};
+use crate::quality::Decision;
+
+/// What is known of where the sensors stood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Viewpoints {
+    /// What the files say.
+    #[default]
+    File,
+    /// At the zero of each file's frame, where it says nothing.
+    Origin,
+    /// Nothing, whatever the files say.
+    None,
+}
+
+/// How pairs are run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Settings {
+    /// Whether the source is moved by a random motion first; default yes. Clouds of a list
+    /// often stand near their true relative pose, where global registration means nothing.
+    pub moved: bool,
+    /// Seed of the motions.
+    pub seed: u64,
+    /// Where the sensors stood.
+    pub viewpoints: Viewpoints,
+    /// When a pose is right; default by the size of the source ([`Rule::of_size`]).
+    pub rule: Option<Rule>,
+    /// Points that clouds are thinned to at random, 0 for all.
+    pub points: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let viewpoints = Viewpoints::default();
+        Settings { moved: true, seed: 0, viewpoints, rule: None, points: 0 }
+    }
+}
+
+/// One pair by one method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// The pair's set.
+    pub dataset: String,
+    /// File of the source, as in the list.
+    pub source: String,
+    /// File of the target.
+    pub target: String,
+    /// Share of the source that the target shows; 0 for clouds with nothing in common.
+    pub overlap: Option<f64>,
+    /// Name of the method, refinements after `+`.
+    pub method: String,
+    /// Whether the pose is right.
+    pub right: bool,
+    /// What was asked of it.
+    pub rule: Rule,
+    /// Rotation error, degrees; empty without an answer or a truth.
+    pub rotation_deg: Option<f64>,
+    /// Translation error in the clouds' unit.
+    pub translation: Option<f64>,
+    /// Whether the method takes its own answer.
+    pub accepted: bool,
+    /// Whether it took it to be one of several.
+    pub ambiguous: bool,
+    /// Probability of being right, from methods that tell.
+    pub probability: Option<f64>,
+    /// Seconds of the registration, files read before.
+    pub seconds: f64,
+    /// Why there is no answer; empty with one.
+    pub error: String,
+}
+
+/// A method by its name, refinements after `+`: `cf-multiscale+gicp`.
+///
+/// # Errors
+/// Those of its parts and of [`Chain::new`].
+pub fn method(name: &str) -> Result<Chain> {
+    let mut parts = name.split('+').map(str::parse);
+    let first = parts.next().unwrap_or_else(|| "".parse())?;
+    Chain::new(first, parts.collect::<Result<_>>()?)
+}
+
+/// Runs `methods` over `pairs` and gives a row for each pair and method, in order.
+///
+/// With `output` each row is appended to that file as soon as it is there, and rows that are in
+/// it already, by the same settings, are not run again. `progress` is called with the rows done
+/// and all of them.
+///
+/// # Errors
+/// Those of reading clouds; [`Error::Config`] for an `output` made by other settings. A pair
+/// without an answer is a row.
+pub fn run(
+    pairs: &[Pair],
+    methods: &[String],
+    settings: Settings,
+    output: Option<&Path>,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Vec<Row>> {
+    let chains = methods.iter().map(|name| method(name)).collect::<Result<Vec<Chain>>>()?;
+    let mut kept = match output {
+        Some(path) => Kept::open(path, &settings)?,
+        None => Kept::default(),
+    };
+    let mut clouds = Clouds::default();
+    let mut rows = Vec::new();
+    let all = pairs.len() * methods.len();
+    for (number, pair) in pairs.iter().enumerate() {
+        for (name, chain) in methods.iter().zip(&chains) {
+            let row = match kept.find(pair, name) {
+                Some(row) => row,
+                None => {
+                    let row = one(pair, number, (name, chain), settings, &mut clouds)?;
+                    kept.add(&row)?;
+                    row
+                }
+            };
+            rows.push(row);
+            progress(rows.len(), all);
+        }
+    }
+    Ok(rows)
+}
+
+fn one(
+    pair: &Pair,
+    number: usize,
+    (name, chain): (&str, &Chain),
+    settings: Settings,
+    clouds: &mut Clouds,
+) -> Result<Row> {
+    let source = clouds.get(&pair.source, settings, 2 * number as u64)?;
+    let target = clouds.get(&pair.target, settings, 2 * number as u64 + 1)?;
+    let seed = settings.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+    let motion = match settings.moved {
+        true => anywhere(seed, source.diagonal()),
+        false => Transform::IDENTITY,
+    };
+    let moved = source.transformed(&motion)?;
+    let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+    let start = Instant::now();
+    let found = chain.register(&moved, &target);
+    let seconds = start.elapsed().as_secs_f64();
+    let path = |path: &Path| path.display().to_string();
+    let mut row = Row {
+        dataset: pair.dataset.clone(),
+        source: path(&pair.source),
+        target: path(&pair.target),
+        overlap: pair.overlap.or(pair.truth.is_none().then_some(0.0)),
+        method: name.into(),
+        right: false,
+        rule,
+        rotation_deg: None,
+        translation: None,
+        accepted: false,
+        ambiguous: false,
+        probability: None,
+        seconds,
+        error: String::new(),
+    };
+    match found {
+        Ok(found) => {
+            row.accepted = found.trusted;
+            let verdict = verdict(&found);
+            row.ambiguous = verdict.is_some_and(|verdict| verdict.decision == Decision::Ambiguous);
+            row.probability = verdict.map(|verdict| verdict.probability);
+            if let Some(truth) = &pair.truth {
+                // In the frames of the files, as published errors are.
+                let error = rule.error(&found.transform.after(&motion), truth, &source);
+                row.right = rule.holds(error, &source, pair.unit);
+                row.rotation_deg = Some(error.rotation_deg);
+                row.translation = Some(error.translation);
+            }
+        }
+        Err(error) => row.error = error.to_string(),
+    }
+    Ok(row)
+}
+
+/// The verdict of the method that came first: refinements keep its answer's place.
+fn verdict(found: &Registration) -> Option<&crate::quality::Verdict> {
+    let before = found.refined_from.as_deref();
+    found.verdict.as_ref().or_else(|| before.and_then(verdict))
+}
+
+/// Any rotation, each as likely as any other, and a shift of up to `size` along each axis.
+pub fn anywhere(seed: u64, size: f64) -> Transform {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut uniform = || 2.0 * rng.random::<f64>() - 1.0;
+    // A direction in four dimensions by rejection from the cube is a unit quaternion.
+    let [w, x, y, z] = loop {
+        let drawn = [(); 4].map(|()| uniform());
+        let square: f64 = drawn.iter().map(|x| x * x).sum();
+        if (0.01..=1.0).contains(&square) {
+            break drawn.map(|x| x / square.sqrt());
+        }
+    };
+    let sine = math::norm([x, y, z]);
+    let angle = 2.0 * sine.atan2(w);
+    let vector = math::scaled([x, y, z], angle / sine.max(1e-12));
+    let translation: Vec3 = [(); 3].map(|()| size * uniform());
+    Transform { translation, ..Transform::from_rotation_vector(vector) }
+}
+
+/// Clouds that were read, the last few of them.
+#[derive(Default)]
+struct Clouds {
+    held: HashMap<PathBuf, PointCloud>,
+    order: Vec<PathBuf>,
+}
+
+/// Clouds that are held.
+const HELD: usize = 32;
+
+impl Clouds {
+    fn get(&mut self, path: &Path, settings: Settings, seed: u64) -> Result<PointCloud> {
+        if !self.held.contains_key(path) {
+            let cloud = io::read(path)?;
+            if self.order.len() == HELD {
+                self.held.remove(&self.order.remove(0));
+            }
+            self.order.push(path.into());
+            self.held.insert(path.into(), cloud);
+        }
+        let mut cloud = self.held[path].clone();
+        match settings.viewpoints {
+            Viewpoints::File => {}
+            Viewpoints::Origin if cloud.viewpoint().is_some() => {}
+            Viewpoints::Origin => cloud = cloud.with_viewpoint([0.0; 3])?,
+            // From coordinates alone: the frame's origin goes too.
+            Viewpoints::None => cloud = PointCloud::new(&cloud.positions().collect::<Vec<_>>())?,
+        }
+        Ok(match settings.points {
+            0 => cloud,
+            points => crate::filter::sample(&cloud, points, seed),
+        })
+    }
+}
+
+/// Rows in a file, and those that join them.
+#[derive(Default)]
+struct Kept {
+    rows: HashMap<[String; 3], Row>,
+    file: Option<(PathBuf, fs::File)>,
+}
+
+impl Kept {
+    /// Reads the rows of `path` if it is there; a last row that was cut short is dropped.
+    fn open(path: &Path, settings: &Settings) -> Result<Kept> {
+        let failed = |error| Error::io(path, error);
+        let first = format!("# {}\n", serde_json::to_string(settings).unwrap_or_default());
+        let text = match fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(failed(error)),
+        };
+        if !text.is_empty() && !text.starts_with(&first) {
+            let rule = "was made by other settings: name another file or remove it";
+            return Err(Error::config("output", path.display(), rule));
+        }
+        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+        let body = whole.strip_prefix(&first).unwrap_or("");
+        let mut reader = csv::Reader::from_reader(body.as_bytes());
+        let rows: Vec<Row> = reader.deserialize().filter_map(Result::ok).collect();
+        // Written anew, whole: what comes is appended to it.
+        let mut file = OpenOptions::new()
+            .create(true)
+            .write(true)
+            .truncate(true)
+            .open(path)
+            .map_err(failed)?;
+        file.write_all(first.as_bytes()).map_err(failed)?;
+        let mut kept = Kept { file: Some((path.into(), file)), ..Kept::default() };
+        kept.write(&rows, true)?;
+        kept.rows = rows.into_iter().map(|row| (key(&row), row)).collect();
+        Ok(kept)
+    }
+
+    fn find(&self, pair: &Pair, method: &str) -> Option<Row> {
+        let path = |path: &Path| path.display().to_string();
+        self.rows.get(&[path(&pair.source), path(&pair.target), method.into()]).cloned()
+    }
+
+    fn add(&mut self, row: &Row) -> Result<()> {
+        self.write(std::slice::from_ref(row), false)
+    }
+
+    fn write(&mut self, rows: &[Row], header: bool) -> Result<()> {
+        let Some((path, file)) = &mut self.file else { return Ok(()) };
+        let mut table = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+        let failed = |error: csv::Error| Error::io(&*path, std::io::Error::other(error));
+        if header {
+            table.write_record(COLUMNS).map_err(failed)?;
+        }
+        for row in rows {
+            table.serialize(row).map_err(failed)?;
+        }
+        let bytes = table
+            .into_inner()
+            .map_err(|error| Error::io(&*path, std::io::Error::other(error.to_string())))?;
+        file.write_all(&bytes).map_err(|error| Error::io(&*path, error))
+    }
+}
+
+fn key(row: &Row) -> [String; 3] {
+    [row.source.clone(), row.target.clone(), row.method.clone()]
+}
+
+/// Of a [`Row`], in order.
+const COLUMNS: [&str; 14] = [
+    "dataset",
+    "source",
+    "target",
+    "overlap",
+    "method",
+    "right",
+    "rule",
+    "rotation_deg",
+    "translation",
+    "accepted",
+    "ambiguous",
+    "probability",
+    "seconds",
+    "error",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::shape::boulder;
+
+    fn pairs(folder: &Path) -> Vec<Pair> {
+        for (name, seed) in [("a.ply", 1), ("b.ply", 2)] {
+            io::write(folder.join(name), &boulder().sample(600, seed).unwrap()).unwrap();
+        }
+        let pair = |truth| Pair {
+            dataset: "boulder".into(),
+            source: folder.join("a.ply"),
+            target: folder.join("b.ply"),
+            truth,
+            overlap: Some(1.0),
+            unit: 1.0,
+        };
+        vec![pair(Some(Transform::IDENTITY))]
+    }
+
+    #[test]
+    fn rows_are_kept_and_not_run_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let (pairs, output) = (pairs(folder.path()), folder.path().join("rows.csv"));
+        let settings = Settings { rule: Some(Rule::Relative), ..Settings::default() };
+        let methods = ["cf".to_string(), "cf+icp".to_string()];
+        let run =
+            |methods: &[String], settings| run(&pairs, methods, settings, Some(&output), |_, _| ());
+        let first = run(&methods[..1], settings).unwrap();
+        assert!(first[0].right && first[0].error.is_empty(), "{first:?}");
+        let both = run(&methods, settings).unwrap();
+        // The same to the last digit of its seconds: it was read, not run.
+        assert_eq!(both[0], first[0]);
+        assert_eq!(both[1].method, "cf+icp");
+        // Cut short in its last row: that one is run again.
+        let text = fs::read_to_string(&output).unwrap();
+        fs::write(&output, &text[..text.len() - 5]).unwrap();
+        let again = run(&methods, settings).unwrap();
+        assert_eq!((again[0].seconds, again[1].right), (first[0].seconds, both[1].right));
+        assert_eq!(fs::read_to_string(&output).unwrap().lines().count(), 4);
+        let other = Settings { seed: 1, ..settings };
+        assert!(run(&methods, other).unwrap_err().to_string().contains("other settings"));
+    }
+
+    #[test]
+    fn motions_are_rotations_of_all_angles() {
+        let angles: Vec<f64> =
+            (0..200).map(|seed| anywhere(seed, 1.0).angle().to_degrees()).collect();
+        let mean = angles.iter().sum::<f64>() / 200.0;
+        // Of a uniform rotation 90° + 360°/π² = 126.5°.
+        assert!((mean - 126.5).abs() < 8.0, "{mean}");
+        let turn = anywhere(3, 1.0).rotation;
+        assert!((math::determinant(&turn) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn methods_are_named_with_their_refinements() {
+        assert!(method("cf+icp+gicp").is_ok() && method("consensus").is_ok());
+        for bad in ["", "cf+", "icp+cf", "sift"] {
+            assert!(method(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! What came of a benchmark, as tables.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::Row;
+
+/// Bounds of overlap between which pairs are counted together.
+const BANDS: [f64; 4] = [0.1, 0.3, 0.5, 0.75];
+
+/// Tables in Markdown: of every set and method the share of right poses, by overlap, the errors
+/// of the right ones, and the seconds; then what the methods' own verdicts were worth.
+pub fn markdown(rows: &[Row]) -> String {
+    let mut sets: Vec<&str> = Vec::new();
+    let mut methods: Vec<&str> = Vec::new();
+    for row in rows {
+        for (list, name) in [(&mut sets, &row.dataset), (&mut methods, &row.method)] {
+            if !list.contains(&name.as_str()) {
+                list.push(name);
+            }
+        }
+    }
+    let of = |set: &str, method: &str| -> Vec<&Row> {
+        rows.iter().filter(|row| row.dataset == set && row.method == method).collect()
+    };
+    let mut text = String::from(
+        "| set | method | right | 75-100 % | 50-75 % | 30-50 % | 10-30 % | below | \
+         rotation (deg) | translation | seconds (median) | no answer |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for set in &sets {
+        for method in &methods {
+            let rows = of(set, method);
+            if rows.iter().any(|row| row.overlap != Some(0.0)) {
+                recall(&mut text, set, method, &rows);
+            }
+        }
+    }
+    text += "\n| set | method | accepted, wrong | right, not accepted | of these ambiguous |\n\
+             |---|---|---|---|---|\n";
+    for set in &sets {
+        for method in &methods {
+            let rows = of(set, method);
+            if !rows.is_empty() {
+                verdicts(&mut text, set, method, &rows);
+            }
+        }
+    }
+    for method in &methods {
+        let told: Vec<&Row> =
+            rows.iter().filter(|row| row.method == *method && row.probability.is_some()).collect();
+        if !told.is_empty() {
+            reliability(&mut text, method, &told);
+        }
+    }
+    text
+}
+
+fn recall(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
+    let share = |rows: &[&Row]| match rows.len() {
+        0 => "-".to_string(),
+        all => format!("{}/{all}", rows.iter().filter(|row| row.right).count()),
+    };
+    let mut bands: BTreeMap<usize, Vec<&Row>> = BTreeMap::new();
+    for row in rows {
+        if let Some(overlap) = row.overlap {
+            let band = BANDS.iter().filter(|&&bound| overlap >= bound).count();
+            bands.entry(band).or_default().push(row);
+        }
+    }
+    let band = |at: usize| share(bands.get(&at).map_or(&[], Vec::as_slice));
+    let right = rows.iter().filter(|row| row.right);
+    let mean = |of: fn(&Row) -> Option<f64>| {
+        let values: Vec<f64> = right.clone().filter_map(|row| of(row)).collect();
+        values.iter().sum::<f64>() / values.len() as f64
+    };
+    let mut seconds: Vec<f64> = rows.iter().map(|row| row.seconds).collect();
+    seconds.sort_by(f64::total_cmp);
+    let failed = rows.iter().filter(|row| !row.error.is_empty()).count();
+    let _ = writeln!(
+        text,
+        "| {set} | {method} | {} = {:.1} % | {} | {} | {} | {} | {} | {:.2} | {:.4} | {:.3} | {failed} |",
+        share(rows),
+        100.0 * right.clone().count() as f64 / rows.len() as f64,
+        band(4),
+        band(3),
+        band(2),
+        band(1),
+        band(0),
+        mean(|row| row.rotation_deg),
+        mean(|row| row.translation),
+        seconds[seconds.len() / 2],
+    );
+}
+
+fn verdicts(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
+    let part = |part: usize, all: usize| match all {
+        0 => "-".to_string(),
+        _ => format!("{part}/{all} = {:.1} %", 100.0 * part as f64 / all as f64),
+    };
+    let wrong: Vec<_> = rows.iter().filter(|row| !row.right).collect();
+    let right: Vec<_> = rows.iter().filter(|row| row.right).collect();
+    let missed = right.iter().filter(|row| !row.accepted).count();
+    let _ = writeln!(
+        text,
+        "| {set} | {method} | {} | {} | {} |",
+        part(wrong.iter().filter(|row| row.accepted).count(), wrong.len()),
+        part(missed, right.len()),
+        right.iter().filter(|row| row.ambiguous).count(),
+    );
+}
+
+/// Ten classes of the probability that was told, and the share that was right.
+fn reliability(text: &mut String, method: &str, rows: &[&Row]) {
+    let _ = write!(
+        text,
+        "\n{method}: told and true\n\n| told | poses | mean told | right |\n|---|---|---|---|\n"
+    );
+    let mut error = 0.0;
+    for class in 0..10 {
+        let within = |row: &&&Row| {
+            let told = row.probability.unwrap_or(0.0);
+            ((10.0 * told) as usize).min(9) == class
+        };
+        let members: Vec<&&Row> = rows.iter().filter(within).collect();
+        if members.is_empty() {
+            continue;
+        }
+        let n = members.len() as f64;
+        let told = members.iter().filter_map(|row| row.probability).sum::<f64>() / n;
+        let right = members.iter().filter(|row| row.right).count() as f64 / n;
+        error += n / rows.len() as f64 * (told - right).abs();
+        let (from, to) = (0.1 * class as f64, 0.1 * (class + 1) as f64);
+        let _ =
+            writeln!(text, "| {from:.1}-{to:.1} | {} | {told:.3} | {right:.3} |", members.len());
+    }
+    let _ = writeln!(text, "\nexpected calibration error {error:.3}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Rule;
+    use super::*;
+
+    fn row(set: &str, overlap: f64, right: bool, accepted: bool, probability: f64) -> Row {
+        Row {
+            dataset: set.into(),
+            source: "a".into(),
+            target: "b".into(),
+            overlap: Some(overlap),
+            method: "consensus".into(),
+            right,
+            rule: Rule::Indoor,
+            rotation_deg: Some(if right { 1.0 } else { 90.0 }),
+            translation: Some(0.1),
+            accepted,
+            ambiguous: false,
+            probability: Some(probability),
+            seconds: 0.25,
+            error: String::new(),
+        }
+    }
+
+    #[test]
+    fn tables_count_what_is_there() {
+        let rows = [
+            row("rooms", 0.8, true, true, 0.99),
+            row("rooms", 0.2, true, false, 0.35),
+            row("rooms", 0.2, false, false, 0.31),
+            row("unrelated", 0.0, false, true, 0.95),
+        ];
+        let text = markdown(&rows);
+        let line = "| rooms | consensus | 2/3 = 66.7 % | 1/1 | - | - | 1/2 | - | 1.00 | 0.1000 | 0.250 | 0 |";
+        assert!(text.contains(line), "{text}");
+        assert!(text.contains("| rooms | consensus | 0/1 = 0.0 % | 1/2 = 50.0 % | 0 |"), "{text}");
+        // Pairs with nothing in common have no recall, but a false accept.
+        assert!(text.contains("| unrelated | consensus | 1/1 = 100.0 % | - | 0 |"), "{text}");
+        assert!(text.contains("| 0.3-0.4 | 2 | 0.330 | 0.500 |"), "{text}");
+        assert!(text.contains("| 0.9-1.0 | 2 | 0.970 | 0.500 |"), "{text}");
+    }
+}

@@ -1,0 +1,128 @@
+//! When a pose is right.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
+use crate::math;
+
+/// Largest errors of a pose that counts as right.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rule {
+    /// 15 degrees and 0.3 m, as on 3DMatch.
+    Indoor,
+    /// 5 degrees and 0.6 m, as on KITTI.
+    Outdoor,
+    /// 5 degrees and 2 m, as on KITTI in the older papers and for loop closures.
+    OutdoorCoarse,
+    /// 10 degrees and a twentieth of the source's diagonal, for objects of any size.
+    Relative,
+}
+
+/// How far a pose is from the truth, as published lists of pairs count it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairError {
+    /// Degrees.
+    pub rotation_deg: f64,
+    /// ‖t − t_gt‖ in the clouds' unit and frames; for [`Rule::Relative`] the distance of the
+    /// source's centroids, since the zero of an object's frame means nothing.
+    pub translation: f64,
+}
+
+impl Rule {
+    /// All of them.
+    pub const ALL: [Rule; 4] = [Rule::Indoor, Rule::Outdoor, Rule::OutdoorCoarse, Rule::Relative];
+
+    /// What suits a cloud of this size: objects below a metre, rooms below 25, else streets.
+    pub fn of_size(metres: f64) -> Rule {
+        if metres < 1.0 {
+            Rule::Relative
+        } else if metres < 25.0 {
+            Rule::Indoor
+        } else {
+            Rule::Outdoor
+        }
+    }
+
+    /// Compares poses of `source`.
+    pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> PairError {
+        let turned = math::mat_mul(&found.rotation, &math::transpose(&truth.rotation));
+        let about = if self == Rule::Relative { source.centroid() } else { [0.0; 3] };
+        PairError {
+            rotation_deg: Transform::rigid(turned, [0.0; 3]).angle().to_degrees(),
+            translation: math::norm(math::sub(found.apply(about), truth.apply(about))),
+        }
+    }
+
+    /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
+    pub fn holds(self, error: PairError, source: &PointCloud, unit: f64) -> bool {
+        let (degrees, length) = match self {
+            Rule::Indoor => (15.0, 0.3 / unit),
+            Rule::Outdoor => (5.0, 0.6 / unit),
+            Rule::OutdoorCoarse => (5.0, 2.0 / unit),
+            Rule::Relative => (10.0, 0.05 * source.diagonal()),
+        };
+        error.rotation_deg <= degrees && error.translation <= length
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Rule::Indoor => "indoor",
+            Rule::Outdoor => "outdoor",
+            Rule::OutdoorCoarse => "outdoor-coarse",
+            Rule::Relative => "relative",
+        }
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Rule {
+    type Err = Error;
+    fn from_str(text: &str) -> Result<Self> {
+        Rule::ALL.into_iter().find(|rule| rule.name() == text).ok_or_else(|| {
+            let names = Rule::ALL.map(Rule::name).join(", ");
+            Error::config("rule", text, format!("must be one of {names}"))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_count_in_metres_or_by_the_size_of_an_object() {
+        let cloud = PointCloud::new(&[[10.0, 0.0, 0.0], [10.0, 3.0, 4.0]]).unwrap();
+        let turn = Transform::from_rotation_vector([0.0, 0.0, 4f64.to_radians()]);
+        let error = Rule::Indoor.error(&turn, &Transform::IDENTITY, &cloud);
+        assert!((error.rotation_deg - 4.0).abs() < 1e-9 && error.translation == 0.0);
+        assert!(Rule::Indoor.holds(error, &cloud, 1.0));
+        // About the centroid, ten off the zero: 0.7 are more than a twentieth of 5.
+        let error = Rule::Relative.error(&turn, &Transform::IDENTITY, &cloud);
+        assert!(error.translation > 0.7 && !Rule::Relative.holds(error, &cloud, 1.0));
+        let shift = Transform::rigid(math::IDENTITY, [0.0, 0.0, 50.0]);
+        let error = Rule::Outdoor.error(&shift, &Transform::IDENTITY, &cloud);
+        assert!(
+            Rule::Outdoor.holds(error, &cloud, 0.01) && !Rule::Outdoor.holds(error, &cloud, 1.0)
+        );
+        assert_eq!(Rule::of_size(0.3), Rule::Relative);
+        assert_eq!((Rule::of_size(6.0), Rule::of_size(150.0)), (Rule::Indoor, Rule::Outdoor));
+    }
+
+    #[test]
+    fn names_come_back() {
+        for rule in Rule::ALL {
+            assert_eq!(rule.to_string().parse::<Rule>().unwrap(), rule);
+        }
+        assert!("loose".parse::<Rule>().unwrap_err().to_string().contains("outdoor-coarse"));
+    }
+}
