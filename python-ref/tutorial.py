@@ -78,7 +78,7 @@ def main():
 
     # 2. Register. Thousands of points tell a pose as well as hundred thousands.
     a, b = source.sample(options.points), target.sample(options.points, seed=1)
-    plain = cfreg.register(a, b)
+    plain = cfreg.register(a, b, "cf")
     print(plain)
 
     # 3. Read the verdict: `plain.trusted` and `plain.doubts`. These clouds share but a part,
@@ -119,7 +119,7 @@ def row(source, target, weights, normalize, right):
     """What one step finds with these weights, and on how many pairs it rests."""
     scheme = {"weights": getattr(weights, "__name__", str(weights)), "normalize": normalize}
     try:
-        found = cfreg.register(source, target, weights=weights, normalize=normalize)
+        found = cfreg.register(source, target, "cf", weights=weights, normalize=normalize)
     except cfreg.RegistrationError as error:  # such as weights that are all alike
         return scheme | dict.fromkeys(COLUMNS, "") | {"trusted": type(error).__name__}
     error = cfreg.evaluate(source, target, found.transform, truth=right).truth

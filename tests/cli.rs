@@ -33,8 +33,10 @@ const PAIR: &str = "register pair/source.pcd pair/target.pcd";
 #[test]
 fn json_is_one_object_with_the_documented_fields() {
     let folder = demo();
-    let output =
-        cfreg(folder.path(), &format!("{PAIR} --json --voxel 0.02 --sample 1800 --seed 4"));
+    let output = cfreg(
+        folder.path(),
+        &format!("{PAIR} --method cf --json --voxel 0.02 --sample 1800 --seed 4"),
+    );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
     let rows = answer["transform"].as_array().unwrap();
@@ -67,6 +69,64 @@ fn json_is_one_object_with_the_documented_fields() {
 }
 
 #[test]
+fn the_default_says_whether_to_take_its_answer() {
+    let folder = demo();
+    let output = cfreg(folder.path(), &format!("{PAIR} --json"));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["method"], "consensus");
+    let verdict = &answer["verdict"];
+    assert_eq!(verdict["decision"], "accept");
+    assert!(verdict["probability"].as_f64().unwrap() > 0.9 && verdict["overlap"].is_number());
+    assert!(verdict["reasons"].as_array().unwrap().len() > 2);
+    assert!(verdict.get("runner_up").is_some());
+    let said = stderr(&cfreg(folder.path(), PAIR));
+    assert!(said.contains("accept: right with probability"), "{said}");
+    // The one length, and a setting of another method.
+    let output = cfreg(folder.path(), &format!("{PAIR} --json --voxel 0.1"));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["config"]["voxel"], 0.1);
+    assert_eq!(answer["points"]["source"]["used"], 2000);
+    let said = stderr(&cfreg(folder.path(), &format!("{PAIR} --beta 3")));
+    assert!(said.contains("consensus has no such setting"), "{said}");
+}
+
+#[test]
+fn a_benchmark_counts_right_poses() {
+    let folder = demo();
+    let truth = cfreg::io::read_transform(folder.path().join("pair/truth.txt")).unwrap().matrix();
+    let numbers: Vec<String> = truth.as_flattened().iter().map(f64::to_string).collect();
+    let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
+    let list = format!(
+        "dataset,source,target,{},overlap\ndemo,pair/source.pcd,pair/target.pcd,{},1\n",
+        titles.join(","),
+        numbers.join(",")
+    );
+    std::fs::write(folder.path().join("list.csv"), list).unwrap();
+    let line =
+        "benchmark list.csv --method consensus --method cf+icp --rule relative --output rows.csv";
+    let output = cfreg(folder.path(), line);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let table = String::from_utf8(output.stdout).unwrap();
+    for method in ["consensus", "cf+icp"] {
+        assert!(table.contains(&format!("| demo | {method} | 1/1 = 100.0 % |")), "{table}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("rows.csv")).unwrap().lines().count(), 4);
+    for (line, cause) in [
+        ("benchmark none.csv", "none.csv"),
+        ("benchmark list.csv --method icq", "icq"),
+        ("benchmark list.csv --rule near", "outdoor-coarse"),
+        ("benchmark list.csv --output list.csv", "overwrite"),
+        ("benchmark list.csv --folder elsewhere", "elsewhere"),
+        ("benchmark list.csv --output rows.csv --seed 5", "other settings"),
+    ] {
+        let output = cfreg(folder.path(), line);
+        assert_eq!(code(&output), 2, "{line}: {}", stderr(&output));
+        assert!(stderr(&output).contains(cause), "{line}: {}", stderr(&output));
+    }
+}
+
+#[test]
 fn the_pose_is_written_read_and_judged() {
     let folder = demo();
     let output = cfreg(folder.path(), &format!("{PAIR} --output pose.txt --write-aligned out.ply"));
@@ -93,7 +153,7 @@ fn settings_reach_the_method() {
     let folder = demo();
     let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
         --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
-    let output = cfreg(folder.path(), &format!("{PAIR} --json {settings}"));
+    let output = cfreg(folder.path(), &format!("{PAIR} --method cf --json {settings}"));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
     let config = &answer["config"];
     assert_eq!(config["neighborhood"]["nearest"], 80);
@@ -168,16 +228,16 @@ fn no_answer_exits_with_2_and_names_the_cause() {
         ("register two.xyz pair/target.pcd", "2 usable points"),
         ("register word.xyz pair/target.pcd", "line 2"),
         ("register huge.ply pair/target.pcd", "1000000000000"),
-        ("register pair/source.pcd pair/target.pcd --beta -1", "beta"),
-        ("register pair/source.pcd pair/target.pcd --neighbors 1", "neighbors"),
-        ("register pair/source.pcd pair/target.pcd --radius 1e-9", "larger"),
-        ("register pair/source.pcd pair/target.pcd --weights gauss", "gaussian"),
-        ("register pair/source.pcd pair/target.pcd --weights uniform", "rank"),
+        ("register pair/source.pcd pair/target.pcd --method cf --beta -1", "beta"),
+        ("register pair/source.pcd pair/target.pcd --method cf --neighbors 1", "neighbors"),
+        ("register pair/source.pcd pair/target.pcd --method cf --radius 1e-9", "larger"),
+        ("register pair/source.pcd pair/target.pcd --method cf --weights gauss", "gaussian"),
+        ("register pair/source.pcd pair/target.pcd --method cf --weights uniform", "rank"),
         ("register pair/source.pcd pair/target.pcd --threads 1000000", "at most 1024"),
         ("register pair/source.pcd pair/target.pcd --voxel 0", "voxel"),
         ("register pair/source.pcd pair/target.pcd --sample 0", "sample"),
         ("register pair/source.pcd pair/target.pcd --method icq", "icq"),
-        ("register pair/source.pcd pair/target.pcd --orientation up", "up"),
+        ("register pair/source.pcd pair/target.pcd --method cf --orientation up", "up"),
         ("register pair/source.pcd pair/target.pcd --write-aligned out.stl", "out.stl"),
         ("evaluate pair/source.pcd pair/target.pcd --transform two.xyz", "two.xyz"),
         ("convert pair/source.pcd out.stl", "out.stl"),
@@ -256,7 +316,7 @@ fn counts_beyond_reason_are_refused() {
     for command in [
         "demo --points 10000000000000000000",
         "demo --points -3",
-        "register pair/source.pcd pair/target.pcd --normalize sinkhorn:1000000000",
+        "register pair/source.pcd pair/target.pcd --method cf --normalize sinkhorn:1000000000",
         "register pair/source.pcd pair/target.pcd --sample -3",
         "accuracy pair/source.pcd --points 2",
     ] {

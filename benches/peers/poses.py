@@ -46,7 +46,7 @@ def small(options):
 
     def ours():
         with ThreadPoolExecutor(options.threads) as pool:
-            call = lambda pair: cfreg.register(*pair, threads=1, histogram="open3d")
+            call = lambda pair: cfreg.register(*pair, "cf", threads=1, histogram="open3d")
             return list(pool.map(call, pairs))
 
     def theirs():
@@ -69,7 +69,7 @@ def memory():
         "x, y = np.random.default_rng(0).uniform(-1, 1, (2, 100_000)).astype(np.float32)\n"
         "points = np.column_stack([x, y, 0.3 * np.sin(3 * x + y) + 0.1 * np.cos(9 * y) * x - 3])\n"
         "before = peak()\n"
-        "cfreg.register(points, points, tolerance=1e-3)\n"
+        "cfreg.register(points, points, 'cf', tolerance=1e-3)\n"
         "print(before, peak())\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

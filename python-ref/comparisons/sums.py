@@ -77,7 +77,7 @@ def poses(found, expected, size, cfreg, label):
 
 def registration(a, b, size, cfreg, beta):
     """From clouds to pose at once, both seen from the origin."""
-    result = cfreg.register(a, b, neighbors=ref.NEIGHBORS, beta=beta)
+    result = cfreg.register(a, b, "cf", neighbors=ref.NEIGHBORS, beta=beta)
     expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
     angle, shift, _ = pose_apart(result.transform, expected, size)
     yield "register, rotation, degrees", "cfreg - reference", angle

@@ -17,7 +17,8 @@ use crate::{filter, io};
 /// How many points of a file are used.
 #[derive(Args, Clone, serde::Serialize)]
 pub(super) struct Thinning {
-    /// Keep one point (the mean) per cube of this side, in the unit of the coordinates
+    /// Keep one point (the mean) per cube of this side, in the unit of the coordinates; for
+    /// consensus the length that all others follow from
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     voxel: Option<f64>,
     /// Keep this many points, drawn at random (after --voxel)
@@ -57,12 +58,12 @@ impl Thinning {
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
 pub(super) struct MethodOptions {
-    /// Registration method: cf (the paper's full connection), cf-multiscale (at three
-    /// scales, with a bandwidth from the descriptors and dual softmax: other defaults below),
-    /// cfk (of keypoints), teaser;
+    /// Registration method: consensus (for scans that overlap in part), cf (the paper's full
+    /// connection), cf-multiscale (at three scales, with a bandwidth from the descriptors and
+    /// dual softmax: other defaults below), cfk (of keypoints), teaser;
     /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
     /// kc, cpd, dare
-    #[arg(long, default_value = "cf")]
+    #[arg(long, default_value = "consensus")]
     method: String,
     /// Refine the pose by these, one after the other: icp, icp-paper,
     /// plane-icp, gicp, kc, cpd, dare
@@ -143,6 +144,19 @@ impl MethodOptions {
             }
         }
         Chain::new(method, refinements)
+    }
+
+    /// The same with `--voxel` for those that make of it what they need: thinning by it would
+    /// come too early.
+    pub(super) fn with_length(&self, thinning: &Thinning) -> Result<(Chain, Thinning)> {
+        let method: Method = self.method.parse()?;
+        let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
+            return Ok((self.method()?, thinning.clone()));
+        };
+        let mut options = self.clone();
+        // As text, as beta: NaN is to be refused and not to vanish.
+        options.set.insert(0, format!("voxel={voxel}"));
+        Ok((options.method()?, Thinning { voxel: None, ..thinning.clone() }))
     }
 
     /// The flags that were typed, as settings by name.

@@ -45,7 +45,7 @@ struct Answer<'a> {
 
 impl Register {
     pub(super) fn run(&self) -> Result<Outcome> {
-        let method = self.method.method()?;
+        let (method, thinning) = self.method.with_length(&self.thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
             io::writable(path)?;
@@ -57,8 +57,8 @@ impl Register {
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
             let start = std::time::Instant::now();
-            let source = self.thinning.read(&self.source, 0)?;
-            let target = self.thinning.read(&self.target, 1)?;
+            let source = thinning.read(&self.source, 0)?;
+            let target = thinning.read(&self.target, 1)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             registration.time_s.0.insert(0, ("read", seconds));
@@ -98,6 +98,9 @@ impl Register {
 /// What may help against a doubt, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
     match &registration.config {
+        Method::Consensus(_) => {
+            "--set seeds=1000, another --voxel, or clouds that tell their viewpoint"
+        }
         Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
         }
@@ -112,8 +115,13 @@ fn advice(registration: &Registration) -> &'static str {
 pub(super) fn summary(registration: &Registration) -> String {
     let r = registration;
     let points = r.points;
+    let verdict = r.verdict.as_ref().map_or_else(String::new, |verdict| {
+        let reasons = verdict.reasons.join("; ");
+        let decision = format!("{:?}", verdict.decision).to_lowercase();
+        format!("{decision}: right with probability {:.3}; {reasons}\n", verdict.probability)
+    });
     format!(
-        "{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
+        "{verdict}{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
          fitness {:.3} of the source, {:.3} of the target within {:.4}; {:.2} beyond chance\n\
          relative singular values {:.4} {:.4} {:.4}; {:.2} s\n",
         r.method,

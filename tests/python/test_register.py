@@ -9,7 +9,7 @@ import cfreg
 import numpy as np
 from shapes import terrain, turned
 
-GLOBAL = {"cf": cfreg.CF, "cfk": cfreg.CFK, "teaser": cfreg.TEASER}
+GLOBAL = {"consensus": cfreg.Consensus, "cf": cfreg.CF, "cfk": cfreg.CFK, "teaser": cfreg.TEASER}
 LOCAL = {"icp": cfreg.ICP, "kc": cfreg.KC, "cpd": cfreg.CPD, "dare": cfreg.DARE}
 
 
@@ -20,7 +20,7 @@ class Registering(unittest.TestCase):
 
     def test_the_pose_is_found_and_accounted_for(self):
         self.source[4] = np.nan
-        found = cfreg.register(self.source, self.target)
+        found = cfreg.register(self.source, self.target, "cf")
         np.testing.assert_allclose(found.transform, self.truth, atol=0.1)
         self.assertTrue(found.trusted)
         self.assertEqual(found.doubts, ())
@@ -29,10 +29,25 @@ class Registering(unittest.TestCase):
         self.assertGreater(found.evaluation.fitness, 0.8)
         self.assertEqual((found.beta, found.config["beta"]), (100.0, 100.0))
 
+    def test_the_default_tells_how_probable_it_is(self):
+        found = cfreg.register(self.source, self.target)
+        self.assertEqual(found.method, "consensus")
+        np.testing.assert_allclose(found.transform, self.truth, atol=0.02)
+        verdict = found.verdict
+        self.assertEqual((verdict.decision, found.trusted), ("accept", True))
+        self.assertGreater(verdict.probability, 0.9)
+        self.assertGreater(verdict.overlap, 0.8)
+        self.assertTrue(all(isinstance(reason, str) for reason in verdict.reasons))
+        self.assertIn("accept, right with probability", found._repr_html_())
+        other = cfreg.register(self.source, terrain(1500, seed=9)[:, [0, 2, 1]] ** 2)
+        self.assertEqual(other.verdict.decision, "reject")
+        self.assertEqual([doubt.ground for doubt in other.doubts][:1], ["improbable"])
+        self.assertIsNone(cfreg.register(self.source, self.target, "cf").verdict)
+
     def test_its_stages_give_the_same_pose(self):
         features = [cfreg.fpfh(points) for points in (self.source, self.target)]
         moments = cfreg.moments(self.source, self.target, *features)
-        found = cfreg.register(self.source, self.target)
+        found = cfreg.register(self.source, self.target, "cf")
         np.testing.assert_array_equal(cfreg.solve(moments), found.transform)
         self.assertEqual(moments.weight, found.to_dict()["moments"]["weight"])
 
@@ -69,7 +84,7 @@ class Registering(unittest.TestCase):
 
     def test_refinements_by_name_and_made(self):
         refine = ["icp", cfreg.ICP.plane(max_distance=0.3)]
-        found = cfreg.register(self.source, self.target, refine=refine, normalize="both")
+        found = cfreg.register(self.source, self.target, "cf", refine=refine, normalize="both")
         self.assertEqual((found.method, found.config["max_distance"]), ("plane-icp", 0.3))
         before = found.refined_from
         self.assertEqual((before.method, before.refined_from.method), ("icp", "cf"))
@@ -147,7 +162,7 @@ class Settings(unittest.TestCase):
             "orientation": (0.0, 0.0, 5.0),
             "threads": 2,
         }
-        config = cfreg.register(self.source, self.target, **settings).config
+        config = cfreg.register(self.source, self.target, "cf", **settings).config
         self.assertEqual(config, cfreg.CF(**settings).register(self.source, self.target).config)
         self.assertEqual(config.pop("neighborhood"), {"nearest": settings.pop("neighbors")})
         self.assertEqual(config.pop("normalization"), settings.pop("normalize"))
@@ -244,7 +259,7 @@ class Settings(unittest.TestCase):
             return cfreg.register(self.source, self.target, *method, **settings)
 
         for name, call in {
-            "sigma = 1: cf has no such setting; it has neighbors": lambda: register(sigma=1),
+            "sigma = 1: cf has no such setting; it has neighbors": lambda: register("cf", sigma=1),
             "beta = 3: icp has no such setting": lambda: register("icp", beta=3),
             "beta = 3: the method was made already": lambda: register(cfreg.CF(), beta=3),
             "initial: cf starts from no pose": lambda: register(initial=np.eye(4)),

@@ -101,12 +101,12 @@ class Threads(unittest.TestCase):
 
     def test_many_threads_share_clouds_and_get_the_same_bits(self):
         source, target = cfreg.PointCloud(terrain(700, seed=1)), cfreg.PointCloud(turned(terrain(700, seed=2))[0])
-        alone = cfreg.register(source, target, neighbors=50)
+        alone = cfreg.register(source, target, "cf", neighbors=50)
 
         def work(index):
             # Views are made at the same time too.
             self.assertEqual(source.points.shape, target.points.shape)
-            return cfreg.register(source, target, neighbors=50, threads=index % 3)
+            return cfreg.register(source, target, "cf", neighbors=50, threads=index % 3)
 
         with ThreadPoolExecutor(8) as pool:
             for found in pool.map(work, range(24)):
@@ -191,7 +191,7 @@ class Interrupts(unittest.TestCase):
         descriptors = np.random.default_rng(1).random((60_000, 33))
         few = terrain(2000)
         calls = {
-            "cf": lambda: cfreg.register(many, many),
+            "cf": lambda: cfreg.register(many, many, "cf"),
             "cfk": lambda: cfreg.register(many, many, "cfk", detector={"sift": {"octaves": 8, "scales": 16}}),
             "gicp": lambda: cfreg.ICP.generalized(rotation_tolerance=0.0, translation_tolerance=0.0, max_iterations=10**6).register(
                 many, many[::-1] + 0.3
@@ -202,9 +202,9 @@ class Interrupts(unittest.TestCase):
             "teaser": lambda: cfreg.TEASER(neighbors=10, noise_bound=0.5, cross_check=False, clique_steps=10**15).register(few, few[:, ::-1].copy()),
             "moments": lambda: cfreg.moments(many, many, descriptors, descriptors, normalize="sinkhorn:99", threads=2),
             "a nested call": lambda: cfreg.moments(
-                few, few, few, few, weights=lambda d2: (cfreg.register(many, many), d2)[1]
+                few, few, few, few, weights=lambda d2: (cfreg.register(many, many, "cf"), d2)[1]
             ),
-            "a function": lambda: cfreg.register(few, few, weights=lambda d2: (time.sleep(0.5), d2)[1]),
+            "a function": lambda: cfreg.register(few, few, "cf", weights=lambda d2: (time.sleep(0.5), d2)[1]),
         }
         for name, call in calls.items():
             with self.subTest(name):
@@ -218,7 +218,7 @@ class Interrupts(unittest.TestCase):
         try:
             timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
             timer.start()
-            found = cfreg.register(terrain(500), terrain(500), weights=lambda d2: (time.sleep(0.2), d2 < 50)[1], threads=1)
+            found = cfreg.register(terrain(500), terrain(500), "cf", weights=lambda d2: (time.sleep(0.2), d2 < 50)[1], threads=1)
             ended = time.perf_counter()
         finally:
             signal.signal(signal.SIGINT, before)
@@ -228,7 +228,7 @@ class Interrupts(unittest.TestCase):
 
 
 def pose(seed):
-    return cfreg.register(terrain(300, seed), terrain(300, seed + 1), neighbors=40).transform
+    return cfreg.register(terrain(300, seed), terrain(300, seed + 1), "cf", neighbors=40).transform
 
 
 class Processes(unittest.TestCase):
@@ -252,7 +252,7 @@ class Processes(unittest.TestCase):
             "import cfreg\n"
             "points = np.random.default_rng(0).random((400, 3))\n"
             "def plain():\n"
-            "    while True: cfreg.register(cfreg.PointCloud(points), points, neighbors=20)\n"
+            "    while True: cfreg.register(cfreg.PointCloud(points), points, 'cf', neighbors=20)\n"
             "def function():\n"
             "    while True: cfreg.moments(points, points, points, points, weights=lambda d2: np.exp(-d2))\n"
             "for work in [plain, function] * 2: threading.Thread(target=work, daemon=True).start()\n"
@@ -266,7 +266,7 @@ class Processes(unittest.TestCase):
         cloud = cfreg.PointCloud(terrain(300))
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             found = pool.apply_async(cfreg.register, (cloud, cloud), {"neighbors": 40}).get(timeout=100)
-        self.assertEqual(found.to_dict()["transform"], cfreg.register(cloud, cloud, neighbors=40).to_dict()["transform"])
+        self.assertEqual(found.to_dict()["transform"], cfreg.register(cloud, cloud, "cf", neighbors=40).to_dict()["transform"])
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ class Weighing(unittest.TestCase):
                 deep = deep * w.Gaussian(2) + w.Gaussian(3)
 
     def test_automatic_bandwidths_are_found_within(self):
-        beta = cfreg.register(self.source, self.target, beta="auto").beta
+        beta = cfreg.register(self.source, self.target, "cf", beta="auto").beta
         self.same(self.weigh(0.5 * w.Gaussian("auto")), self.weigh(0.5 * w.Gaussian(beta)), 1e-6)
 
     def test_what_a_function_raises_comes_out(self):
@@ -177,7 +177,7 @@ class Weighing(unittest.TestCase):
 
         for call in (
             lambda: self.weigh(fail),
-            lambda: cfreg.register(self.source, self.target, weights=fail),
+            lambda: cfreg.register(self.source, self.target, "cf", weights=fail),
             lambda: cfreg.CFK(weights=fail).register(self.source, self.target),
         ):
             with self.assertRaisesRegex(Mine, "at once"):
@@ -224,9 +224,9 @@ class Weighing(unittest.TestCase):
                     self.assertEqual(found.config["weights"], shown)
                     if method is cfreg.CF:
                         np.testing.assert_allclose(found.transform, self.truth, atol=0.15)
-        found = cfreg.register(self.source, self.target, weights=w.Cauchy(50))
+        found = cfreg.register(self.source, self.target, "cf", weights=w.Cauchy(50))
         self.assertEqual((found.config["weights"], found.config["beta"]), ("cauchy", 50.0))
-        named = cfreg.register(self.source, self.target, weights="cauchy", beta=50)
+        named = cfreg.register(self.source, self.target, "cf", weights="cauchy", beta=50)
         np.testing.assert_array_equal(found.transform, named.transform)
 
     def test_a_bandwidth_beside_a_kernel_contradicts_it(self):

@@ -142,12 +142,45 @@ impl Matches {
         found.sort_by(|a, b| b.support.total_cmp(&a.support));
         found
     }
+}
 
-    /// Edges of the graph over those of a full one: how many pairs of matches are compatible.
-    #[cfg(test)]
-    fn density(&self) -> f64 {
-        let graph = self.compatible();
-        let edges: usize = (0..graph.len()).map(|v| count(graph.row(v))).sum();
-        edges as f64 / (graph.len() * (graph.len() - 1)) as f64
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// `right` matches under `pose`, off by up to a third of the length, among wrong ones.
+    fn matches(right: usize, wrong: usize, pose: &Transform) -> Matches {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut place = |size: f64| [(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0));
+        let (mut source, mut target) = (Vec::new(), Vec::new());
+        for k in 0..right + wrong {
+            let (from, off, elsewhere) = (place(50.0), place(0.2), place(50.0));
+            let onto = if k < right { math::add(pose.apply(from), off) } else { elsewhere };
+            source.push(from.map(|x| x as f32));
+            target.push(onto.map(|x| x as f32));
+        }
+        Matches { source, target, length: 1.0 }
+    }
+
+    #[test]
+    fn a_few_right_matches_among_many_wrong_are_found() {
+        let turn = Transform::from_rotation_vector([0.4, 2.0, -1.0]);
+        let truth = Transform { translation: [3.0, -8.0, 5.0], ..turn };
+        let found = matches(25, 475, &truth).hypotheses(200);
+        let off = truth.after(&found[0].pose.inverse());
+        assert!(off.angle().to_degrees() < 0.5, "{}", off.angle().to_degrees());
+        // All that are right agree, and hardly a wrong one with them.
+        assert!((20.0..29.0).contains(&found[0].support), "{}", found[0].support);
+        assert!(found[1..].iter().all(|other| other.support < 12.0));
+    }
+
+    #[test]
+    fn no_match_has_no_pose() {
+        let truth = Transform::IDENTITY;
+        for few in 0..3 {
+            assert!(matches(few, 0, &truth).hypotheses(200).is_empty());
+        }
     }
 }

@@ -180,10 +180,10 @@ impl Consensus {
         };
         let sensors = times
             .time("viewpoints", || Ok::<_, Error>([scans[0].sensor()?, scans[1].sensor()?]))?;
-        if let [Some(source), Some(target)] = sensors {
-            if attempt([source, target], times)? {
-                return Ok(attempts);
-            }
+        if let [Some(source), Some(target)] = sensors
+            && attempt([source, target], times)?
+        {
+            return Ok(attempts);
         }
         if attempt([View::Outward; 2], times)? {
             return Ok(attempts);
@@ -191,10 +191,10 @@ impl Consensus {
         let [source, target] = times
             .time("viewpoints", || Ok::<_, Error>([scans[0].guesses()?, scans[1].guesses()?]))?;
         for (source, target) in source.into_iter().zip(target) {
-            if let (Some(source), Some(target)) = (source, target) {
-                if attempt([source, target], times)? {
-                    break;
-                }
+            if let (Some(source), Some(target)) = (source, target)
+                && attempt([source, target], times)?
+            {
+                break;
             }
         }
         Ok(attempts)

@@ -97,3 +97,41 @@ impl System {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::scan::{Scan, View};
+    use super::*;
+    use crate::cloud::PointCloud;
+
+    #[test]
+    fn a_pose_near_the_surfaces_settles_on_them() {
+        let bumps = |shift: f64| {
+            let at = |i: usize| {
+                let (x, y) = ((i % 60) as f64 + shift, (i / 60) as f64 + 0.7 * shift);
+                [x, y, 4.0 * (0.2 * x).sin() + 3.0 * (0.15 * y + 0.1 * x).cos()]
+            };
+            PointCloud::new(&(0..3600).map(at).collect::<Vec<_>>()).unwrap()
+        };
+        let (source, target) = (bumps(0.0), bumps(0.4));
+        let surface = |cloud: &PointCloud| {
+            Scan::new(cloud, 1.0, "it").unwrap().surface(View::Outward).unwrap()
+        };
+        let ends = [&surface(&source), &surface(&target)];
+        // The identity between the clouds' own frames, in local ones.
+        let truth = Transform {
+            translation: math::sub(ends[0].origin, ends[1].origin),
+            ..Transform::IDENTITY
+        };
+        let turn = Transform::from_rotation_vector([0.02, -0.01, 0.02]);
+        let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
+        let settled = settle(ends, &start, 1.5, usize::MAX, 30);
+        let off = truth.after(&settled.pose.inverse());
+        assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.1, "{off:?}");
+        assert!(settled.moments.weight > 100.0 && settled.steps > 2);
+        // From far away nothing is paired: the pose stays.
+        let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
+        let stays = settle(ends, &far, 1.5, usize::MAX, 30);
+        assert_eq!((stays.pose, stays.steps), (far, 0));
+    }
+}

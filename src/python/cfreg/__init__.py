@@ -4,12 +4,12 @@
 >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
 >>> source = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
 >>> target = source @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
->>> found = cfreg.register(source, target, neighbors=60)
+>>> found = cfreg.register(source, target)
 >>> found.trusted, round(found.angle_deg), found.transform.shape
 (True, 90, (4, 4))
 
-`register` does everything; `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are its methods
-as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
+`register` does everything; `Consensus`, `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are
+its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -48,13 +48,36 @@ from ._native import (
     solve,
     write,
 )
-from .methods import CF, CFK, CPD, DARE, ICP, KC, METHODS, TEASER, Method, method, register
-from .results import Doubt, Evaluation, Judgement, Registration, TruthError, evaluate
+from .methods import (
+    CF,
+    CFK,
+    CPD,
+    DARE,
+    ICP,
+    KC,
+    METHODS,
+    TEASER,
+    Consensus,
+    Method,
+    method,
+    register,
+)
+from .results import (
+    Doubt,
+    Evaluation,
+    Judgement,
+    Registration,
+    RunnerUp,
+    TruthError,
+    Verdict,
+    evaluate,
+)
 
 __all__ = [
     "CF",
     "CFK",
     "CPD",
+    "Consensus",
     "DARE",
     "DegenerateError",
     "Doubt",
@@ -73,11 +96,13 @@ __all__ = [
     "PointCloud",
     "Registration",
     "RegistrationError",
+    "RunnerUp",
     "SettingError",
     "ShapeError",
     "TEASER",
     "TooFewPointsError",
     "TruthError",
+    "Verdict",
     "__version__",
     "estimate_normals",
     "evaluate",

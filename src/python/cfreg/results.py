@@ -15,7 +15,7 @@ from . import _interop, _native
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["Doubt", "Evaluation", "Registration", "TruthError", "evaluate"]
+__all__ = ["Doubt", "Evaluation", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,50 @@ class Doubt:
         return self.message
 
 
+@dataclass(frozen=True, eq=False)
+class RunnerUp:
+    """Another pose that would do.
+
+    transform : (4, 4) float64, as that of a Registration
+    probability : that it is right, as if it were the only one
+    """
+
+    transform: npt.NDArray[np.float64]
+    probability: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to take a pose, and why.
+
+    decision : "accept", "ambiguous" (another pose is about as good) or "reject"
+    probability : that the pose is right, 0 to 1
+    reasons : what speaks for and against it, in words
+    overlap : share of a surface that lies on the other and faces alike, the larger of both
+    runner_up : RunnerUp, the best pose that is another, or None
+    """
+
+    decision: str
+    probability: float
+    reasons: tuple[str, ...]
+    overlap: float
+    runner_up: RunnerUp | None
+
+    @classmethod
+    def _of(cls, facts: dict[str, Any]) -> Verdict:
+        other = facts["runner_up"]
+        runner_up = None
+        if other is not None:
+            runner_up = RunnerUp(np.array(other["transform"]), other["probability"])
+        return cls(
+            facts["decision"],
+            facts["probability"],
+            tuple(facts["reasons"]),
+            facts["overlap"],
+            runner_up,
+        )
+
+
 class Registration:
     """A pose, what it rests on, and what speaks against it.
 
@@ -137,6 +181,7 @@ class Registration:
     method : name of the method
     trusted : whether nothing speaks against the pose
     doubts : what does, Doubt each
+    verdict : Verdict, of "consensus"; None of the others
     evaluation : Evaluation of the clouds under the pose
     weighted_rms : root mean square of the weighted connections, in the target's unit; of the
         size of the cloud on a full connection, whatever the pose
@@ -159,6 +204,7 @@ class Registration:
     method: str
     trusted: bool
     doubts: tuple[Doubt, ...]
+    verdict: Verdict | None
     evaluation: Evaluation
     weighted_rms: float
     beta: float | None
@@ -195,6 +241,7 @@ class Registration:
             {name: facts[name] for name in same},
             transform=transform,
             doubts=tuple(Doubt._of(doubt) for doubt in facts["doubts"]),
+            verdict=Verdict._of(facts["verdict"]) if facts.get("verdict") else None,
             evaluation=Evaluation._of(facts["evaluation"]),
             beta=facts.get("beta"),
             singular_values=tuple(facts["singular_values"]),
@@ -284,7 +331,7 @@ class Registration:
         described = [counts[side]["described"] for side in ("source", "target")]
         rows = {
             "method": self.method,
-            "verdict": "trusted" if self.trusted else "not to be trusted",
+            "verdict": _told(self.verdict, self.trusted),
             **{f"doubt: {doubt.ground}": str(doubt) for doubt in self.doubts},
             "rotation": f"{self.angle_deg:.3f} deg",
             "fitness": f"{evaluation.fitness:.3f} of the source, {evaluation.target_fitness:.3f} "
@@ -305,6 +352,13 @@ class Registration:
             f"<div style='border-left:4px solid {colour};padding-left:8px'>"
             f"<table>{table}</table><table>{matrix}</table></div>"
         )
+
+
+def _told(verdict: Verdict | None, trusted: bool) -> str:
+    """The verdict in a few words."""
+    if verdict is None:
+        return "trusted" if trusted else "not to be trusted"
+    return f"{verdict.decision}, right with probability {verdict.probability:.3f}"
 
 
 def _timeless(facts: dict[str, Any]) -> dict[str, Any]:

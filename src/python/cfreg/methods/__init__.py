@@ -1,7 +1,7 @@
 """The methods, each a small configuration that registers.
 
-Every method is weights on the full connection and a closed form. `CF`, `CFK` and `TEASER`
-need no start; `ICP`, `KC`, `CPD` and `DARE` start from the pose in which the clouds lie, or
+Every method is weights on the full connection and a closed form. `Consensus`, `CF`, `CFK` and
+`TEASER` need no start; `ICP`, `KC`, `CPD` and `DARE` start from the pose in which the clouds lie, or
 from `initial`, and refine what the others found.
 
 Settings are fields, given by name, checked when the method is made and never changed;
@@ -20,15 +20,17 @@ import numpy as np
 from .. import _native
 from ..results import Registration
 from .base import Method, Refinements, Starting
+from .by_consensus import Consensus
 from .by_descriptor import CF, CFK, TEASER
 from .by_position import CPD, DARE, ICP, KC
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["CF", "CFK", "CPD", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "method", "register"]
+__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "method", "register"]
 
 METHODS: Mapping[str, Callable[..., Method]] = {
+    "consensus": Consensus,
     "cf": CF,
     "cf-multiscale": CF.multiscale,
     "cfk": CFK,
@@ -47,8 +49,8 @@ METHODS: Mapping[str, Callable[..., Method]] = {
 def method(name: str, **settings: Any) -> Method:
     """The method of that name.
 
-    name : "cf", "cf-multiscale", "cfk", "teaser", "icp", "icp-paper", "plane-icp", "gicp",
-        "kc", "cpd" or "dare"
+    name : "consensus", "cf", "cf-multiscale", "cfk", "teaser", "icp", "icp-paper", "plane-icp",
+        "gicp", "kc", "cpd" or "dare"
     settings : fields of its class
 
     >>> import cfreg
@@ -83,7 +85,7 @@ def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
 def register(
     source: Any,
     target: Any,
-    method: str | Method = "cf",
+    method: str | Method = "consensus",
     *,
     refine: Refinements = (),
     initial: npt.ArrayLike | None = None,
@@ -97,21 +99,21 @@ def register(
     source, target : PointCloud, (N, 3) array of float32 or float64 in any unit and of any
         strides, or a cloud of Open3D, trimesh, pyvista or small_gicp. Rows that are not
         finite are left out and counted
-    method : "cf" (the paper's full connection), "cf-multiscale" (with the sharpest weights),
-        "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
+    method : "consensus" (for scans that overlap in part), "cf" (the paper's full connection),
+        "cf-multiscale" (with the sharpest weights), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
         "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made
     refine : a method that starts from a pose, by name or made, or several, one after the
         other: "gicp", ["icp", cfreg.ICP.plane(max_distance=0.1)]
     initial : (4, 4) pose to start from, for the methods that start from one
     matches : (K, 2) rows of source and target, for "teaser"
     settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
-        explain: of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
+        explain: of "consensus" voxel, seeds; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
         normal_neighbors, more_neighbors, orientation, histogram; threads
 
     Returns
     -------
     Registration : `transform` (4, 4) maps source points into the frame of the target;
-        `trusted` and `doubts` say whether to believe it
+        `trusted`, `doubts` and, of "consensus", `verdict` say whether to believe it
 
     Raises
     ------
@@ -126,7 +128,7 @@ def register(
     >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
     >>> source = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
     >>> target = source[:, [1, 0, 2]] * [-1, 1, 1]
-    >>> found = cfreg.register(source, target, neighbors=60)
+    >>> found = cfreg.register(source, target)
     >>> found.trusted, round(found.angle_deg), found.transform.shape
     (True, 90, (4, 4))
     """
