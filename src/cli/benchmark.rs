@@ -21,6 +21,10 @@ pub(super) struct Benchmark {
     /// Method, refinements after +: cf-multiscale+gicp; may be given more than once
     #[arg(long, value_name = "METHOD", default_value = "consensus")]
     method: Vec<String>,
+    /// Poses that other programs found, to be judged beside: CSV with the columns method, source,
+    /// target (as in the list), t00 to t33 and, if known, seconds and accepted
+    #[arg(long, value_name = "POSES.csv")]
+    poses: Vec<PathBuf>,
     /// Rows as CSV; a run that was cut short goes on from what is there
     #[arg(long, value_name = "ROWS.csv")]
     output: Option<PathBuf>,
@@ -85,10 +89,15 @@ impl Benchmark {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         };
-        let rows = par::with_threads(self.threads, || {
+        let mut rows = par::with_threads(self.threads, || {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
         })??;
         bar.finish_and_clear();
+        let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
+        for path in &self.poses {
+            let folder = folder.unwrap_or(Path::new(""));
+            rows.extend(benchmark::judge(path, folder, &pairs, settings)?);
+        }
         print(&report::markdown(&rows))?;
         Ok(Outcome::Trusted)
     }

@@ -1,5 +1,6 @@
 //! Lists of pairs with known poses: CSV, and the `gt.log` of 3DMatch.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use crate::cloud::Transform;
@@ -20,6 +21,83 @@ pub struct Pair {
     pub overlap: Option<f64>,
     /// The clouds' unit in metres.
     pub unit: f64,
+}
+
+/// A table of pairs with poses, read by the names of its columns.
+pub(super) struct Table<'a> {
+    path: &'a Path,
+    columns: HashMap<String, usize>,
+    record: csv::StringRecord,
+    line: usize,
+}
+
+impl<'a> Table<'a> {
+    /// Its rows, one after the other.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
+    pub(super) fn read<'t>(
+        path: &'a Path,
+        text: &'t str,
+    ) -> Result<impl Iterator<Item = Result<Table<'a>>> + use<'a, 't>> {
+        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+        let header = reader.headers().map_err(|error| parse(path, 1, error.to_string()))?;
+        let columns: HashMap<String, usize> =
+            header.iter().zip(0..).map(|(name, at)| (name.trim().to_string(), at)).collect();
+        let entries = (0..16).map(entry);
+        for name in ["source", "target"].into_iter().map(String::from).chain(entries) {
+            if !columns.contains_key(&name) {
+                return Err(parse(path, 1, format!("no column {name} in the header")));
+            }
+        }
+        Ok(reader.into_records().map(move |record| {
+            let line =
+                |position: Option<&csv::Position>| position.map_or(0, |at| at.line() as usize);
+            let record =
+                record.map_err(|error| parse(path, line(error.position()), error.to_string()))?;
+            Ok(Table { path, columns: columns.clone(), line: line(record.position()), record })
+        }))
+    }
+
+    /// What stands under `name`; empty where nothing does.
+    pub(super) fn word(&self, name: &str) -> &str {
+        let at = self.columns.get(name);
+        at.and_then(|&at| self.record.get(at)).unwrap_or("").trim()
+    }
+
+    /// The number under `name`, if there is one.
+    pub(super) fn number(&self, name: &str) -> Result<Option<f64>> {
+        match self.word(name) {
+            "" => Ok(None),
+            text => match text.parse() {
+                Ok(number) => Ok(Some(number)),
+                Err(_) => Err(self.wrong(format!("{name} is {text:?}, no number"))),
+            },
+        }
+    }
+
+    /// The pose, if there is one.
+    pub(super) fn pose(&self) -> Result<Option<Transform>> {
+        if (0..16).all(|k| self.word(&entry(k)).is_empty()) {
+            return Ok(None);
+        }
+        let mut matrix = [[0.0; 4]; 4];
+        for (k, value) in matrix.as_flattened_mut().iter_mut().enumerate() {
+            let missing = || self.wrong(format!("{} is empty", entry(k)));
+            *value = self.number(&entry(k))?.ok_or_else(missing)?;
+        }
+        Transform::from_matrix(matrix).map(Some).map_err(|error| self.wrong(error.to_string()))
+    }
+
+    /// An error in this row.
+    pub(super) fn wrong(&self, what: String) -> Error {
+        parse(self.path, self.line, what)
+    }
+}
+
+/// Name of the k-th entry of a pose, row by row.
+fn entry(k: usize) -> String {
+    format!("t{}{}", k / 4, k % 4)
 }
 
 /// Reads a list.
@@ -52,64 +130,22 @@ fn parse(path: &Path, line: usize, what: impl Into<String>) -> Error {
 }
 
 fn table(path: &Path, folder: &Path, text: &str) -> Result<Vec<Pair>> {
-    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|error| parse(path, 1, error.to_string()))?.clone();
-    let column = |name: &str| header.iter().position(|title| title.trim() == name);
-    let needed = |name: &str| {
-        column(name).ok_or_else(|| parse(path, 1, format!("no column {name} in the header")))
-    };
-    let (source, target) = (needed("source")?, needed("target")?);
-    let mut entries = [[0; 4]; 4];
-    for (i, row) in entries.iter_mut().enumerate() {
-        for (j, entry) in row.iter_mut().enumerate() {
-            *entry = needed(&format!("t{i}{j}"))?;
-        }
-    }
-    let (dataset, overlap, units) = (column("dataset"), column("overlap"), column("units"));
     let mut pairs = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|error| {
-            let line = error.position().map_or(0, |position| position.line() as usize);
-            parse(path, line, error.to_string())
-        })?;
-        let line = record.position().map_or(0, |position| position.line() as usize);
-        let field = |column: usize| record.get(column).unwrap_or("").trim();
-        let number = |column: usize| -> Result<f64> {
-            let text = field(column);
-            text.parse().map_err(|_| parse(path, line, format!("{text:?} is no number")))
-        };
-        let overlap = match overlap.filter(|&column| !field(column).is_empty()) {
-            Some(column) => Some(number(column)?),
-            None => None,
-        };
-        let apart =
-            overlap == Some(0.0) || entries.as_flattened().iter().all(|&at| field(at).is_empty());
-        let truth = match apart {
-            true => None,
-            false => {
-                let mut matrix = [[0.0; 4]; 4];
-                for (row, columns) in matrix.iter_mut().zip(entries) {
-                    for (entry, column) in row.iter_mut().zip(columns) {
-                        *entry = number(column)?;
-                    }
-                }
-                Some(
-                    Transform::from_matrix(matrix)
-                        .map_err(|error| parse(path, line, error.to_string()))?,
-                )
-            }
-        };
-        let unit = match units.map_or("m", field) {
+    for row in Table::read(path, text)? {
+        let row = row?;
+        let overlap = row.number("overlap")?;
+        let truth = if overlap == Some(0.0) { None } else { row.pose()? };
+        let unit = match row.word("units") {
             "" | "m" => 1.0,
             "cm" => 0.01,
             "mm" => 0.001,
-            other => return Err(parse(path, line, format!("unit {other:?}: must be m, cm or mm"))),
+            other => return Err(row.wrong(format!("unit {other:?}: must be m, cm or mm"))),
         };
-        let set = dataset.map(field).filter(|set| !set.is_empty()).unwrap_or("pairs");
+        let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
         pairs.push(Pair {
-            dataset: set.into(),
-            source: folder.join(field(source)),
-            target: folder.join(field(target)),
+            dataset: dataset.into(),
+            source: folder.join(row.word("source")),
+            target: folder.join(row.word("target")),
             truth,
             overlap,
             unit,

@@ -2,6 +2,7 @@
 //! how well their verdicts know.
 
 pub mod list;
+mod others;
 pub mod report;
 pub mod rule;
 
@@ -16,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 pub use list::Pair;
+pub use others::judge;
 pub use rule::Rule;
 
 use crate::cloud::{PointCloud, Transform};
@@ -164,40 +166,52 @@ fn one(
     let start = Instant::now();
     let found = chain.register(&moved, &target);
     let seconds = start.elapsed().as_secs_f64();
-    let path = |path: &Path| path.display().to_string();
-    let mut row = Row {
-        dataset: pair.dataset.clone(),
-        source: path(&pair.source),
-        target: path(&pair.target),
-        overlap: pair.overlap.or(pair.truth.is_none().then_some(0.0)),
-        method: name.into(),
-        right: false,
-        rule,
-        rotation_deg: None,
-        translation: None,
-        accepted: false,
-        ambiguous: false,
-        probability: None,
-        seconds,
-        error: String::new(),
-    };
+    let mut row = Row::new(pair, name, rule, seconds);
     match found {
         Ok(found) => {
             row.accepted = found.trusted;
             let verdict = verdict(&found);
             row.ambiguous = verdict.is_some_and(|verdict| verdict.decision == Decision::Ambiguous);
             row.probability = verdict.map(|verdict| verdict.probability);
-            if let Some(truth) = &pair.truth {
-                // In the frames of the files, as published errors are.
-                let error = rule.error(&found.transform.after(&motion), truth, &source);
-                row.right = rule.holds(error, &source, pair.unit);
-                row.rotation_deg = Some(error.rotation_deg);
-                row.translation = Some(error.translation);
-            }
+            // In the frames of the files, as published errors are.
+            row.compare(&found.transform.after(&motion), pair, &source);
         }
         Err(error) => row.error = error.to_string(),
     }
     Ok(row)
+}
+
+impl Row {
+    /// Of a pair without an answer yet.
+    fn new(pair: &Pair, method: &str, rule: Rule, seconds: f64) -> Row {
+        let path = |path: &Path| path.display().to_string();
+        Row {
+            dataset: pair.dataset.clone(),
+            source: path(&pair.source),
+            target: path(&pair.target),
+            overlap: pair.overlap.or(pair.truth.is_none().then_some(0.0)),
+            method: method.into(),
+            right: false,
+            rule,
+            rotation_deg: None,
+            translation: None,
+            accepted: false,
+            ambiguous: false,
+            probability: None,
+            seconds,
+            error: String::new(),
+        }
+    }
+
+    /// Holds `found` against the pair's pose, if it has one.
+    fn compare(&mut self, found: &Transform, pair: &Pair, source: &PointCloud) {
+        if let Some(truth) = &pair.truth {
+            let error = self.rule.error(found, truth, source);
+            self.right = self.rule.holds(error, source, pair.unit);
+            self.rotation_deg = Some(error.rotation_deg);
+            self.translation = Some(error.translation);
+        }
+    }
 }
 
 /// The verdict of the method that came first: refinements keep its answer's place.

@@ -1,0 +1,106 @@
+//! Poses that other programs found, judged by the same rules.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::list::Table;
+use super::{Clouds, Pair, Row, Rule, Settings};
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+
+/// What another program found.
+struct Answer {
+    method: String,
+    pose: Option<Transform>,
+    seconds: f64,
+    accepted: bool,
+}
+
+/// Reads poses of other programs and gives a row for each pair of `pairs` that they are of.
+///
+/// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
+/// `t00` to `t33` (source into target frame, of the clouds as they are in the files; empty where
+/// there is no answer) and, if there is one, `seconds` and `accepted` (`true` or `false`: whether
+/// the program takes its own answer; else it does).
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Parse`] with the line, and those of reading clouds.
+pub fn judge(path: &Path, folder: &Path, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
+    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+    let mut answers: HashMap<[PathBuf; 2], Vec<Answer>> = HashMap::new();
+    for row in Table::read(path, &text)? {
+        let row = row?;
+        let pose = row.pose()?;
+        let accepted = match row.word("accepted") {
+            "" => pose.is_some(),
+            word => word
+                .parse()
+                .map_err(|_| row.wrong(format!("accepted is {word:?}: must be true or false")))?,
+        };
+        let method = row.word("method").to_string();
+        let answer =
+            Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted };
+        let key = ["source", "target"].map(|name| folder.join(row.word(name)));
+        answers.entry(key).or_default().push(answer);
+    }
+    let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
+    for pair in pairs {
+        let Some(found) = answers.get(&[pair.source.clone(), pair.target.clone()]) else {
+            continue;
+        };
+        let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
+        let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+        for answer in found {
+            let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
+            row.accepted = answer.accepted;
+            match &answer.pose {
+                Some(pose) => row.compare(pose, pair, &source),
+                None => row.error = "no pose".into(),
+            }
+            rows.push(row);
+        }
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::shape::boulder;
+    use crate::io;
+
+    #[test]
+    fn poses_of_others_are_judged_alike() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        io::write(at("a.ply"), &boulder().sample(300, 1).unwrap()).unwrap();
+        let pair = Pair {
+            dataset: "boulder".into(),
+            source: at("a.ply"),
+            target: at("b.ply"),
+            truth: Some(Transform::IDENTITY),
+            overlap: Some(1.0),
+            unit: 1.0,
+        };
+        let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
+        let write = |rows: &str| {
+            let text =
+                format!("method,source,target,{},seconds,accepted\n{rows}", titles.join(","));
+            std::fs::write(at("poses.csv"), text).unwrap();
+            judge(&at("poses.csv"), folder.path(), std::slice::from_ref(&pair), Settings::default())
+        };
+        let rows = write(
+            "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\
+             far,a.ply,b.ply,-1,0,0,0,0,-1,0,0,0,0,1,0,0,0,0,1,2,false\n\
+             none,a.ply,b.ply,,,,,,,,,,,,,,,,,1,\n\
+             near,other.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
+        )
+        .unwrap();
+        let told: Vec<_> =
+            rows.iter().map(|row| (row.right, row.accepted, row.error.as_str())).collect();
+        assert_eq!(told, [(true, true, ""), (false, false, ""), (false, false, "no pose")]);
+        assert_eq!((rows[0].seconds, rows[1].rotation_deg), (0.5, Some(180.0)));
+        let said = write("x,a.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,maybe\n").unwrap_err();
+        assert!(said.to_string().contains("line 2: accepted is \"maybe\""), "{said}");
+    }
+}
