@@ -386,7 +386,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (pairs, output) = (pairs(folder.path()), folder.path().join("rows.csv"));
         let settings = Settings { rule: Some(Rule::Relative), ..Settings::default() };
-        let methods = ["cf".to_string(), "cf+icp".to_string()];
+        let methods = ["consensus".to_string(), "consensus+icp".to_string()];
         let run =
             |methods: &[String], settings| run(&pairs, methods, settings, Some(&output), |_, _| ());
         let first = run(&methods[..1], settings).unwrap();
@@ -394,7 +394,7 @@ mod tests {
         let both = run(&methods, settings).unwrap();
         // The same to the last digit of its seconds: it was read, not run.
         assert_eq!(both[0], first[0]);
-        assert_eq!(both[1].method, "cf+icp");
+        assert_eq!(both[1].method, "consensus+icp");
         // Cut short in its last row: that one is run again.
         let text = fs::read_to_string(&output).unwrap();
         fs::write(&output, &text[..text.len() - 5]).unwrap();

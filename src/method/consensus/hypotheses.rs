@@ -173,7 +173,9 @@ mod tests {
         assert!(off.angle().to_degrees() < 0.5, "{}", off.angle().to_degrees());
         // All that are right agree, and hardly a wrong one with them.
         assert!((20.0..29.0).contains(&found[0].support), "{}", found[0].support);
-        assert!(found[1..].iter().all(|other| other.support < 12.0));
+        // Other seeds may lead to the same pose; other poses have hardly a match.
+        let same = |other: &Hypothesis| other.pose.after(&truth.inverse()).angle() < 0.02;
+        assert!(found.iter().all(|other| other.support < 12.0 || same(other)));
     }
 
     #[test]

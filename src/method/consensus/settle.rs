@@ -127,7 +127,8 @@ mod tests {
         let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
         let settled = settle(ends, &start, 1.5, usize::MAX, 30);
         let off = truth.after(&settled.pose.inverse());
-        assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.1, "{off:?}");
+        // A part of the spacing of 1, at which both sample the bumps.
+        assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.2, "{off:?}");
         assert!(settled.moments.weight > 100.0 && settled.steps > 2);
         // From far away nothing is paired: the pose stays.
         let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
