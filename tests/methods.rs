@@ -31,7 +31,7 @@ fn methods() -> Vec<Method> {
 /// A few iterations: enough for promises that hold step by step.
 fn short(method: Method) -> Method {
     match method.name() {
-        "cf" | "cfk" | "teaser" => method,
+        "consensus" | "cf" | "cfk" | "teaser" => method,
         _ => method.with([("max_iterations", 8.into())]).unwrap(),
     }
 }
@@ -191,6 +191,7 @@ fn weights_of_ones_own_register_as_those_of_a_name() {
 #[test]
 fn settings_out_of_range_are_refused_before_clouds_are_looked_at() {
     for (name, setting, value) in [
+        ("consensus", "seeds", 0.into()),
         ("cf", "neighbors", 2.into()),
         ("cf", "beta", (-1).into()),
         ("cfk", "neighbors", 2.into()),
