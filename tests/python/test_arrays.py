@@ -216,7 +216,7 @@ class Interop(unittest.TestCase):
     def setUp(self):
         self.points = terrain(300)
         self.normals = self.points / np.linalg.norm(self.points, axis=1, keepdims=True)
-        self.found = cfreg.register(self.points, turned(self.points)[0], neighbors=60)
+        self.found = cfreg.register(self.points, turned(self.points)[0], "cf", neighbors=60)
         self.moved = cfreg.PointCloud(self.points).transformed(self.found.transform).points
 
     def taken(self, cloud, normals=True):

@@ -175,7 +175,7 @@ class Settings(unittest.TestCase):
 
     def test_descriptors_of_several_sizes_stand_beside_each_other(self):
         found = cfreg.register(
-            self.source, self.target, neighbors=40, more_neighbors=[80, "160:50"], normal_neighbors=15, beta="auto"
+            self.source, self.target, "cf", neighbors=40, more_neighbors=[80, "160:50"], normal_neighbors=15, beta="auto"
         )
         self.assertEqual(
             found.config["more_scales"],
@@ -262,7 +262,7 @@ class Settings(unittest.TestCase):
             "sigma = 1: cf has no such setting; it has neighbors": lambda: register("cf", sigma=1),
             "beta = 3: icp has no such setting": lambda: register("icp", beta=3),
             "beta = 3: the method was made already": lambda: register(cfreg.CF(), beta=3),
-            "initial: cf starts from no pose": lambda: register(initial=np.eye(4)),
+            "initial: cf starts from no pose": lambda: register("cf", initial=np.eye(4)),
             "matches: icp takes none": lambda: register("icp", matches=[[0, 0]]),
             "refine = 33: refinements": lambda: register(refine=["icp"] * 33),
             "initial = ": lambda: register("icp", initial=np.zeros((4, 4))),

@@ -14,8 +14,9 @@ class Registration(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         source, (target, cls.truth) = terrain(800, seed=1), turned(terrain(800, seed=2))
-        cls.found = cfreg.register(source, target, refine="icp")
-        cls.wrong = cfreg.register(source, np.random.default_rng(0).random((300, 3)))
+        cls.found = cfreg.register(source, target, "cf", refine="icp")
+        cls.wrong = cfreg.register(source, np.random.default_rng(0).random((300, 3)), "cf")
+        cls.refused = cfreg.register(source, np.random.default_rng(0).random((300, 3)))
 
     def test_the_pose_has_its_parts(self):
         found = self.found
@@ -28,10 +29,17 @@ class Registration(unittest.TestCase):
 
     def test_a_scale_is_part_of_it(self):
         points = terrain(500)
-        found = cfreg.register(points, 3.0 * points, scale="symmetric", neighbors=60)
+        found = cfreg.register(points, 3.0 * points, "cf", scale="symmetric", neighbors=60)
         self.assertAlmostEqual(found.scale, 3.0, places=3)
         np.testing.assert_allclose(found.rotation, np.eye(3), atol=1e-3)
         np.testing.assert_allclose(found.apply(points), 3.0 * points, atol=1e-2)
+
+    def test_a_verdict_refuses_what_has_nothing_in_common(self):
+        verdict = self.refused.verdict
+        self.assertEqual((verdict.decision, self.refused.trusted), ("reject", False))
+        self.assertLess(verdict.probability, 0.5)
+        self.assertEqual(self.refused.doubts[0].ground, "improbable")
+        self.assertEqual(self.refused.doubts[0].facts["found"], verdict.probability)
 
     def test_doubts_have_words_and_numbers(self):
         self.assertFalse(self.wrong.trusted)
@@ -61,13 +69,13 @@ class Registration(unittest.TestCase):
     def test_a_doubt_names_the_viewpoint_that_nobody_knows(self):
         self.assertIn("no-viewpoint", [doubt.ground for doubt in self.wrong.doubts])
         noise = cfreg.PointCloud(np.random.default_rng(0).random((300, 3)), viewpoint=(0, 0, 9))
-        known = cfreg.register(cfreg.PointCloud(terrain(300), viewpoint=(0, 0, 9)), noise)
+        known = cfreg.register(cfreg.PointCloud(terrain(300), viewpoint=(0, 0, 9)), noise, "cf")
         grounds = [doubt.ground for doubt in known.doubts]
         self.assertTrue("low-agreement" in grounds and "no-viewpoint" not in grounds, grounds)
 
     def test_the_same_again_is_equal_but_for_the_time(self):
         points = terrain(200)
-        once, again = (cfreg.register(points, points, neighbors=40, refine="icp") for _ in range(2))
+        once, again = (cfreg.register(points, points, "cf", neighbors=40, refine="icp") for _ in range(2))
         self.assertNotEqual(once.seconds, again.seconds)
         self.assertEqual(once, again)
         self.assertNotEqual(once, once.refined_from)

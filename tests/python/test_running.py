@@ -265,7 +265,7 @@ class Processes(unittest.TestCase):
     def test_results_and_clouds_go_between_processes(self):
         cloud = cfreg.PointCloud(terrain(300))
         with multiprocessing.get_context("spawn").Pool(1) as pool:
-            found = pool.apply_async(cfreg.register, (cloud, cloud), {"neighbors": 40}).get(timeout=100)
+            found = pool.apply_async(cfreg.register, (cloud, cloud, "cf"), {"neighbors": 40}).get(timeout=100)
         self.assertEqual(found.to_dict()["transform"], cfreg.register(cloud, cloud, "cf", neighbors=40).to_dict()["transform"])
 
 

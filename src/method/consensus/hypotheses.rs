@@ -139,6 +139,11 @@ impl Matches {
             }
             found.push(Hypothesis { pose, support });
         }
+        if found.is_empty() {
+            // No two agree: all of them have a pose still, to be judged for what it is.
+            let all = self.solve((0..self.len()).map(|k| (k, 1.0)));
+            found.extend(all.map(|pose| Hypothesis { pose, support: self.support(&pose) }));
+        }
         found.sort_by(|a, b| b.support.total_cmp(&a.support));
         found
     }
@@ -179,10 +184,12 @@ mod tests {
     }
 
     #[test]
-    fn no_match_has_no_pose() {
+    fn few_matches_have_a_pose_that_nothing_supports() {
         let truth = Transform::IDENTITY;
         for few in 0..3 {
             assert!(matches(few, 0, &truth).hypotheses(200).is_empty());
         }
+        let found = matches(0, 5, &truth).hypotheses(200);
+        assert!(found.len() == 1 && found[0].support < 2.0, "{found:?}");
     }
 }

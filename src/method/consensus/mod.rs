@@ -73,6 +73,8 @@ impl Default for Consensus {
 const POINTS: usize = 5000;
 /// Most matches: their graph takes the square of them in bits.
 const MATCHES: usize = 2500;
+/// Mutual matches below which every point of the source is matched with its most alike.
+const FEW: usize = 16;
 /// Points by which hypotheses are judged at first.
 const GLANCE: usize = 200;
 /// Hypotheses that are settled.
@@ -277,8 +279,7 @@ impl Consensus {
             doubts: Doubt::of_verdict(&verdict).into_iter().collect(),
             config: Method::Consensus(self),
         };
-        // Thinned clouds are what was laid on each other, and one length fits both.
-        let concluded = Registration::conclude(found, scans[0].thin(), scans[1].thin())?;
+        let concluded = Registration::conclude(found, scans[0].whole(), scans[1].whole())?;
         Ok(Registration { verdict: Some(verdict), ..concluded })
     }
 }
@@ -287,6 +288,9 @@ impl Consensus {
 fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
     let connection = FullConnection::new(source.described(), target.described())?;
     let mut pairs = connection.mutual();
+    if pairs.len() < FEW {
+        pairs = connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect();
+    }
     if pairs.len() > MATCHES {
         let distance = |&(i, j): &(u32, u32)| -> f32 {
             let rows = (source.descriptors.row(i as usize), target.descriptors.row(j as usize));

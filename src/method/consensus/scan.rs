@@ -68,10 +68,6 @@ impl<'a> Scan<'a> {
         Ok(Scan { whole, thin, neighbors, normals, length })
     }
 
-    pub(super) fn thin(&self) -> &PointCloud {
-        &self.thin
-    }
-
     pub(super) fn whole(&self) -> &PointCloud {
         self.whole
     }
