@@ -94,6 +94,24 @@ pub fn map<S, T: Send>(
     (0..n).into_par_iter().map_init(begin, step).collect()
 }
 
+/// `[f(a), f(b)]`, at the same time where there are threads: for the two clouds of a pair.
+///
+/// # Errors
+/// That of the first that fails.
+pub fn both<A: Sync, T: Send, E: Send>(
+    [a, b]: [A; 2],
+    f: impl Fn(&A) -> Result<T, E> + Sync,
+) -> Result<[T; 2], E> {
+    let interrupt = Interrupt::current();
+    let side = |cloud: &A| {
+        let _entered = enter(&interrupt);
+        checkpoint();
+        f(cloud)
+    };
+    let (a, b) = rayon::join(|| side(&a), || side(&b));
+    Ok([a?, b?])
+}
+
 /// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a
 /// scratch value made by `scratch`, which it may find used.
 ///

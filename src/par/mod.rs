@@ -10,6 +10,6 @@ mod loops;
 
 pub use interrupt::{Interrupt, checkpoint, requested, stop};
 pub use loops::{
-    MOST_THREADS, check_threads, for_each_row, in_pool, map, map_blocks, on_new_thread,
+    MOST_THREADS, both, check_threads, for_each_row, in_pool, map, map_blocks, on_new_thread,
     with_threads,
 };

@@ -5,6 +5,7 @@ use serde::ser::{Serialize, SerializeStruct, Serializer};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
+use crate::par;
 use crate::search::{self, Closest};
 
 /// Default inlier distance, in resolutions of the coarser cloud.
@@ -59,8 +60,8 @@ impl Serialize for Evaluation {
 /// # Errors
 /// Those of [`search::resolution`].
 pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
-    let source = search::resolution(source.points())? * scale;
-    Ok(DISTANCE_IN_RESOLUTIONS * source.max(search::resolution(target.points())?))
+    let [source, target] = par::both([source, target], |cloud| search::resolution(cloud.points()))?;
+    Ok(DISTANCE_IN_RESOLUTIONS * (source * scale).max(target))
 }
 
 /// Compares `source` moved by `transform` with `target`.
@@ -90,7 +91,8 @@ pub fn evaluate(
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let limit = (max_distance * max_distance) as f32;
-    let (source_points, target_points) = (Closest::new(&moved)?, Closest::new(target.points())?);
+    let [source_points, target_points] =
+        par::both([&moved[..], target.points()], |p| Closest::new(p))?;
     let moved: Vec<[f32; 3]> = source_points.points().collect();
     let there = target_points.within(&moved, limit);
     let back = source_points.within(&target_points.points().collect::<Vec<_>>(), limit);

@@ -19,6 +19,8 @@ const COMPATIBLE: f64 = 1.5;
 const APART: f32 = 2.0;
 /// Others that a match is solved with first.
 const MATES: usize = 12;
+/// Matches that are solved before those that their poses explain are passed over.
+const AT_A_TIME: usize = 8;
 /// Bounds of the distances within which matches agree with a pose, step by step, in
 /// [`COMPATIBLE`] lengths.
 const BOUNDS: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
@@ -112,32 +114,33 @@ impl Matches {
         let mut explained = vec![false; self.len()];
         let mut found = Vec::new();
         let square = self.reach().powi(2);
-        let mut tried = 0;
-        for seed in order {
-            if tried == seeds {
-                break;
-            }
-            if explained[seed] {
-                continue;
-            }
-            tried += 1;
+        let solve = |seed: usize| -> Option<Hypothesis> {
             let mut mates: Vec<(usize, usize)> =
                 members(graph.row(seed)).map(|j| (common(seed, j), j)).collect();
             mates.sort_by_key(|&(common, j)| (std::cmp::Reverse(common), j));
             mates.truncate(MATES);
             let own = mates.first().map_or(1, |&(most, _)| most);
             let weighted = mates.iter().map(|&(common, j)| (j, common as f64));
-            let Some(first) = self.solve(weighted.chain([(seed, own as f64)])) else { continue };
-            let pose = self.settle(first);
-            let support = self.support(&pose);
+            let pose = self.settle(self.solve(weighted.chain([(seed, own as f64)]))?);
+            Some(Hypothesis { pose, support: self.support(&pose) })
+        };
+        let (mut tried, mut next) = (0, order.into_iter());
+        while tried < seeds {
+            // Some at a time, always as many: threads change no bit.
+            let some = next.by_ref().filter(|&seed| !explained[seed]);
+            let some: Vec<usize> = some.take(AT_A_TIME.min(seeds - tried)).collect();
+            if some.is_empty() {
+                break;
+            }
+            tried += some.len();
+            let solved = par::map(some.len(), || (), |_, k| solve(some[k]));
             // Two matches agree with some pose always.
-            if support < 2.0 {
-                continue;
+            for hypothesis in solved.into_iter().flatten().filter(|found| found.support >= 2.0) {
+                for (k, explained) in explained.iter_mut().enumerate() {
+                    *explained |= self.squared_residual(&hypothesis.pose, k) < square;
+                }
+                found.push(hypothesis);
             }
-            for (k, explained) in explained.iter_mut().enumerate() {
-                *explained |= self.squared_residual(&pose, k) < square;
-            }
-            found.push(Hypothesis { pose, support });
         }
         if found.is_empty() {
             // No two agree: all of them have a pose still, to be judged for what it is.

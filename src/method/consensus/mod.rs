@@ -124,7 +124,9 @@ impl Consensus {
         if self.voxel.is_some() {
             return Ok(self.clone());
         }
-        let side = filter::voxel_side(source, POINTS)?.max(filter::voxel_side(target, POINTS)?);
+        let side = |cloud: &&PointCloud| filter::voxel_side(cloud, POINTS);
+        let [source, target] = par::both([source, target], side)?;
+        let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
             return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
@@ -144,8 +146,8 @@ impl Consensus {
         let config = times.time("thin", || self.resolved(source, target))?;
         let length = config.voxel.unwrap_or(0.0);
         let scans = times.time("thin", || {
-            let source = Scan::new(source, length, "the source")?;
-            Ok::<_, Error>([source, Scan::new(target, length, "the target")?])
+            let named = [(source, "the source"), (target, "the target")];
+            par::both(named, |&(cloud, name)| Scan::new(cloud, length, name))
         })?;
         let attempts = config.attempts(&scans, length, &mut times)?;
         let odds = |attempt: &Attempt| {
@@ -180,8 +182,8 @@ impl Consensus {
             attempts.push(found);
             Ok(odds.is_some_and(|odds| odds >= SURE))
         };
-        let sensors = times
-            .time("viewpoints", || Ok::<_, Error>([scans[0].sensor()?, scans[1].sensor()?]))?;
+        let ends = || scans.each_ref();
+        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.sensor()))?;
         if let [Some(source), Some(target)] = sensors
             && attempt([source, target], times)?
         {
@@ -190,8 +192,8 @@ impl Consensus {
         if attempt([View::Outward; 2], times)? {
             return Ok(attempts);
         }
-        let [source, target] = times
-            .time("viewpoints", || Ok::<_, Error>([scans[0].guesses()?, scans[1].guesses()?]))?;
+        let [source, target] =
+            times.time("viewpoints", || par::both(ends(), |scan| scan.guesses()))?;
         for (source, target) in source.into_iter().zip(target) {
             if let (Some(source), Some(target)) = (source, target)
                 && attempt([source, target], times)?
@@ -210,7 +212,8 @@ impl Consensus {
         times: &mut Timings,
     ) -> Result<Attempt> {
         let [source, target] = times.time("descriptors", || {
-            Ok::<_, Error>([scans[0].surface(from)?, scans[1].surface(onto)?])
+            let seen = [(&scans[0], from), (&scans[1], onto)];
+            par::both(seen, |(scan, view)| scan.surface(*view))
         })?;
         let matches = times.time("matches", || matched(&source, &target, length))?;
         let mut found = times.time("hypotheses", || matches.hypotheses(self.seeds));
