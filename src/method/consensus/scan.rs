@@ -17,8 +17,9 @@ const NORMAL_NEIGHBORS: usize = 20;
 const NEIGHBORS: usize = 100;
 /// Points on which a viewpoint is sought.
 const SIGHTED: usize = 1500;
-/// What may speak against the origin of a frame ([`Sight::implausible`]) that passes for the
-/// sensor's place: depth frames have 0.05 to 0.2 there, places at random 0.3 and more.
+/// What may speak against the origin of a frame ([`Sight::implausible`]) that is tried as the
+/// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
+/// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
 const PLAUSIBLE: f64 = 0.2;
 
 /// A cloud thinned to one length.
