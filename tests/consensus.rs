@@ -218,6 +218,35 @@ fn a_viewpoint_that_is_wrong_does_no_harm() {
 }
 
 #[test]
+fn a_refinement_that_stays_with_the_pose_keeps_the_verdict() {
+    let Some(data) = common::shared_data() else { return };
+    let read = |name: &str| {
+        let cloud = io::read(data.join("stanford_bunny").join(name)).unwrap();
+        cfreg::filter::sample(&cloud, 5000, 1)
+    };
+    // They overlap by two fifths: less than the agreement that gicp wants.
+    let (source, target) = (read("bun000.ply"), read("bun090.ply"));
+    let chain = benchmark::method("consensus+gicp").unwrap();
+    let Method::Icp(gicp) = "gicp".parse().unwrap() else { panic!() };
+    let near = cfreg::method::Icp { max_distance: Some(0.002), ..gicp };
+    let first = register(&source, &target);
+    assert_eq!(decision(&first), Decision::Accept);
+    let alone = cfreg::method::Refine::refine(&near, &source, &target, &first.transform).unwrap();
+    assert!(!alone.trusted && alone.verdict.is_none(), "{:?}", alone.evaluation);
+    let kept =
+        cfreg::method::Chain::new(Method::Consensus(Consensus::default()), vec![Method::Icp(near)])
+            .unwrap()
+            .register(&source, &target)
+            .unwrap();
+    assert!(kept.trusted && kept.verdict == first.verdict, "{:?}", kept.doubts);
+    assert!(degrees(&kept.transform, &first.transform) < 2.0);
+    // Without a bound on its pairs it is drawn away, and says so.
+    let drawn = chain.register(&source, &target).unwrap();
+    assert!(degrees(&drawn.transform, &first.transform) < 5.0 || drawn.verdict.is_none());
+    assert!(drawn.verdict.is_some() || !drawn.trusted, "{:?}", drawn.doubts);
+}
+
+#[test]
 fn it_is_a_method_by_name_and_starts_refinements() {
     let method: Method = "consensus".parse().unwrap();
     assert_eq!(method, Method::Consensus(Consensus::default()));

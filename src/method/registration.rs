@@ -29,8 +29,8 @@ pub struct Registration {
     /// `message`, too.
     #[serde(serialize_with = "told")]
     pub doubts: Vec<Doubt>,
-    /// Whether to take the pose, with its probability, for methods that can tell; what is not
-    /// to be taken is in `doubts` too.
+    /// Whether to take the pose, with its probability, for methods that can tell and refinements
+    /// that stay with their pose; what is not to be taken is in `doubts` too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
     /// How the clouds lie on each other under the pose.
@@ -136,6 +136,27 @@ impl Registration {
             certificate: None,
             refined_from: None,
         })
+    }
+}
+
+/// Rotation, degrees, and shift of the centroid, in diagonals of the source, within which a
+/// refined pose is still the one that was judged.
+const STILL: (f64, f64) = (5.0, 0.05);
+
+impl Registration {
+    /// Takes over the verdict on `before`, which this refines, where it has stayed with that pose.
+    /// A verdict looks closer than agreement, which it replaces as a ground for doubt.
+    pub(super) fn keep_verdict(&mut self, before: &Registration, source: &PointCloud) {
+        let Some(verdict) = &before.verdict else { return };
+        let moved = quality::truth_error(&self.transform, &before.transform, source.centroid());
+        let (degrees, share) = STILL;
+        if moved.rotation_deg > degrees || moved.translation > share * source.diagonal() {
+            return;
+        }
+        self.doubts.retain(|doubt| !matches!(doubt, Doubt::LowAgreement { .. }));
+        self.doubts.extend(Doubt::of_verdict(verdict));
+        self.trusted = self.doubts.is_empty();
+        self.verdict = Some(verdict.clone());
     }
 }
 

@@ -181,7 +181,7 @@ class Registration:
     method : name of the method
     trusted : whether nothing speaks against the pose
     doubts : what does, Doubt each
-    verdict : Verdict, of "consensus"; None of the others
+    verdict : Verdict, of "consensus" and of refinements that stay with its pose; None of others
     evaluation : Evaluation of the clouds under the pose
     weighted_rms : root mean square of the weighted connections, in the target's unit; of the
         size of the cloud on a full connection, whatever the pose
