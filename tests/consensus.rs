@@ -5,7 +5,7 @@ mod common;
 use cfreg::experiment::benchmark::{self, Rule, Settings, Viewpoints, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Consensus, Method, Register, Registration};
+use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Registration};
 use cfreg::quality::Decision;
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
@@ -226,24 +226,29 @@ fn a_refinement_that_stays_with_the_pose_keeps_the_verdict() {
     };
     // They overlap by two fifths: less than the agreement that gicp wants.
     let (source, target) = (read("bun000.ply"), read("bun090.ply"));
-    let chain = benchmark::method("consensus+gicp").unwrap();
-    let Method::Icp(gicp) = "gicp".parse().unwrap() else { panic!() };
-    let near = cfreg::method::Icp { max_distance: Some(0.002), ..gicp };
     let first = register(&source, &target);
     assert_eq!(decision(&first), Decision::Accept);
-    let alone = cfreg::method::Refine::refine(&near, &source, &target, &first.transform).unwrap();
-    assert!(!alone.trusted && alone.verdict.is_none(), "{:?}", alone.evaluation);
-    let kept =
-        cfreg::method::Chain::new(Method::Consensus(Consensus::default()), vec![Method::Icp(near)])
-            .unwrap()
-            .register(&source, &target)
-            .unwrap();
+    let kept = benchmark::method("consensus+gicp").unwrap().register(&source, &target).unwrap();
     assert!(kept.trusted && kept.verdict == first.verdict, "{:?}", kept.doubts);
-    assert!(degrees(&kept.transform, &first.transform) < 2.0);
-    // Without a bound on its pairs it is drawn away, and says so.
-    let drawn = chain.register(&source, &target).unwrap();
-    assert!(degrees(&drawn.transform, &first.transform) < 5.0 || drawn.verdict.is_none());
-    assert!(drawn.verdict.is_some() || !drawn.trusted, "{:?}", drawn.doubts);
+    // Its pairs were bounded by the length of the first.
+    let (Method::Consensus(consensus), Method::Icp(icp)) = (&first.config, &kept.config) else {
+        panic!()
+    };
+    assert_eq!(icp.max_distance.unwrap(), 2.0 * consensus.voxel.unwrap());
+    let alone = Refine::refine(icp, &source, &target, &first.transform).unwrap();
+    assert_eq!(alone.transform, kept.transform);
+    assert!(!alone.trusted && alone.verdict.is_none(), "{:?}", alone.evaluation);
+    let pairs = list::read(&data.join("pairs.csv"), &data).unwrap();
+    let truth =
+        pairs.iter().find(|pair| pair.target.ends_with("bun090.ply")).unwrap().truth.unwrap();
+    assert!(degrees(&kept.transform, &truth) < 0.5, "{}", degrees(&kept.transform, &truth));
+    // Pairs of any length draw it away, and it says so.
+    let icp = Icp { max_distance: Some(1e3), ..icp.clone() };
+    let first = Method::Consensus(Consensus::default());
+    let drawn = Chain::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
+    let drawn = drawn.register(&source, &target).unwrap();
+    assert!(degrees(&drawn.transform, &truth) > 5.0);
+    assert!(drawn.verdict.is_none() && !drawn.trusted, "{:?}", drawn.doubts);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A method, and refinements that start from its pose.
 
-use super::{Method, Register, Registration};
+use super::{Icp, Method, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::quality::Doubt;
@@ -8,7 +8,8 @@ use crate::quality::Doubt;
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.
 ///
-/// The answer is the last registration; the ones before are in its
+/// After [`Consensus`](super::Consensus) pairs of ICP are at most two of its lengths long, unless
+/// they are told otherwise. The answer is the last registration; the ones before are in its
 /// [`refined_from`](Registration::refined_from), their times in front of its own.
 ///
 /// ```
@@ -51,6 +52,23 @@ impl Chain {
     }
 }
 
+/// Longest pairs of ICP after [`Consensus`], in its lengths.
+///
+/// [`Consensus`]: super::Consensus
+const BOUND: f64 = 2.0;
+
+/// The refinement, its pairs bounded where nothing else was said and the clouds that `found`
+/// registers overlap in part, as after consensus: pairs of any length would draw them together.
+fn bounded(method: &Method, found: &Registration) -> Method {
+    match (method, &found.config) {
+        (Method::Icp(icp), Method::Consensus(consensus)) if icp.max_distance.is_none() => {
+            let max_distance = consensus.voxel.map(|length| BOUND * length);
+            Method::Icp(Icp { max_distance, ..icp.clone() })
+        }
+        _ => method.clone(),
+    }
+}
+
 impl Register for Chain {
     /// A refinement that finds nothing to hold on to leaves the pose before it as the
     /// answer, with [`Doubt::NotRefined`].
@@ -72,7 +90,9 @@ impl Chain {
         target: &PointCloud,
     ) -> Result<Registration> {
         let mut found = begun;
-        for refinement in self.refinements.iter().filter_map(Method::as_refinement) {
+        for method in &self.refinements {
+            let method = bounded(method, &found);
+            let Some(refinement) = method.as_refinement() else { continue };
             match refinement.refine(source, target, &found.transform) {
                 Ok(mut refined) => {
                     let own = std::mem::take(&mut refined.time_s);
