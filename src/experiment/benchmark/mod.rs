@@ -279,6 +279,8 @@ impl Clouds {
 struct Kept {
     rows: HashMap<[String; 3], Row>,
     file: Option<(PathBuf, fs::File)>,
+    /// Whether the file has the names of its columns.
+    titled: bool,
 }
 
 impl Kept {
@@ -308,7 +310,7 @@ impl Kept {
             .map_err(failed)?;
         file.write_all(first.as_bytes()).map_err(failed)?;
         let mut kept = Kept { file: Some((path.into(), file)), ..Kept::default() };
-        kept.write(&rows, true)?;
+        kept.write(&rows)?;
         kept.rows = rows.into_iter().map(|row| (key(&row), row)).collect();
         Ok(kept)
     }
@@ -319,19 +321,18 @@ impl Kept {
     }
 
     fn add(&mut self, row: &Row) -> Result<()> {
-        self.write(std::slice::from_ref(row), false)
+        self.write(std::slice::from_ref(row))
     }
 
-    fn write(&mut self, rows: &[Row], header: bool) -> Result<()> {
+    /// Appends rows, the names of their columns before the first.
+    fn write(&mut self, rows: &[Row]) -> Result<()> {
         let Some((path, file)) = &mut self.file else { return Ok(()) };
-        let mut table = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+        let mut table = csv::WriterBuilder::new().has_headers(!self.titled).from_writer(Vec::new());
         let failed = |error: csv::Error| Error::io(&*path, std::io::Error::other(error));
-        if header {
-            table.write_record(COLUMNS).map_err(failed)?;
-        }
         for row in rows {
             table.serialize(row).map_err(failed)?;
         }
+        self.titled |= !rows.is_empty();
         let bytes = table
             .into_inner()
             .map_err(|error| Error::io(&*path, std::io::Error::other(error.to_string())))?;
@@ -342,24 +343,6 @@ impl Kept {
 fn key(row: &Row) -> [String; 3] {
     [row.source.clone(), row.target.clone(), row.method.clone()]
 }
-
-/// Of a [`Row`], in order.
-const COLUMNS: [&str; 14] = [
-    "dataset",
-    "source",
-    "target",
-    "overlap",
-    "method",
-    "right",
-    "rule",
-    "rotation_deg",
-    "translation",
-    "accepted",
-    "ambiguous",
-    "probability",
-    "seconds",
-    "error",
-];
 
 #[cfg(test)]
 mod tests {

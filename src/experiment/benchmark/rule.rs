@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math;
+use crate::quality::{TruthError, truth_error};
 
 /// Largest errors of a pose that counts as right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,16 +21,6 @@ pub enum Rule {
     OutdoorCoarse,
     /// 10 degrees and a twentieth of the source's diagonal, for objects of any size.
     Relative,
-}
-
-/// How far a pose is from the truth, as published lists of pairs count it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PairError {
-    /// Degrees.
-    pub rotation_deg: f64,
-    /// ‖t − t_gt‖ in the clouds' unit and frames; for [`Rule::Relative`] the distance of the
-    /// source's centroids, since the zero of an object's frame means nothing.
-    pub translation: f64,
 }
 
 impl Rule {
@@ -48,18 +38,16 @@ impl Rule {
         }
     }
 
-    /// Compares poses of `source`.
-    pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> PairError {
-        let turned = math::mat_mul(&found.rotation, &math::transpose(&truth.rotation));
+    /// Compares poses of `source`, as published lists of pairs count it: the translation is
+    /// ‖t − t_gt‖ in the clouds' own frames. For [`Rule::Relative`] it is the distance of the
+    /// source's centroids, since the zero of an object's frame means nothing.
+    pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> TruthError {
         let about = if self == Rule::Relative { source.centroid() } else { [0.0; 3] };
-        PairError {
-            rotation_deg: Transform::rigid(turned, [0.0; 3]).angle().to_degrees(),
-            translation: math::norm(math::sub(found.apply(about), truth.apply(about))),
-        }
+        truth_error(found, truth, about)
     }
 
     /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
-    pub fn holds(self, error: PairError, source: &PointCloud, unit: f64) -> bool {
+    pub fn holds(self, error: TruthError, source: &PointCloud, unit: f64) -> bool {
         let (degrees, length) = match self {
             Rule::Indoor => (15.0, 0.3 / unit),
             Rule::Outdoor => (5.0, 0.6 / unit),
@@ -98,6 +86,7 @@ impl FromStr for Rule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math;
 
     #[test]
     fn errors_count_in_metres_or_by_the_size_of_an_object() {

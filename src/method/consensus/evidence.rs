@@ -1,9 +1,7 @@
 //! What speaks for a pose: the surfaces themselves, whoever proposed it.
 
-use std::ops::Add;
-
 use super::hypotheses::Matches;
-use super::scan::Surface;
+use super::scan::{Surface, squared_distance};
 use crate::cloud::Transform;
 use crate::math;
 
@@ -40,19 +38,6 @@ struct Sums {
     likeness: f64,
     looked_at: usize,
     in_front: usize,
-}
-
-impl Add for Sums {
-    type Output = Sums;
-    fn add(self, other: Sums) -> Sums {
-        Sums {
-            points: self.points + other.points,
-            lying: self.lying + other.lying,
-            likeness: self.likeness + other.likeness,
-            looked_at: self.looked_at + other.looked_at,
-            in_front: self.in_front + other.in_front,
-        }
-    }
 }
 
 impl Evidence {
@@ -102,30 +87,30 @@ impl Evidence {
 fn look(from: &Surface, onto: &Surface, pose: &Transform, length: f64, most: usize) -> Sums {
     let step = from.len().div_ceil(most).max(1);
     let reach = REACH * length;
-    let looks = (0..from.len()).step_by(step).map(|i| {
-        let mut sums = Sums { points: 1, ..Sums::default() };
+    let mut sums = Sums::default();
+    for i in (0..from.len()).step_by(step) {
+        sums.points += 1;
         let place = pose.apply(from.place(i));
         if let Some(ahead) = onto.seen.as_ref().and_then(|seen| seen.in_front(place)) {
-            sums.looked_at = 1;
-            sums.in_front = usize::from(ahead > IN_FRONT * length);
+            sums.looked_at += 1;
+            sums.in_front += usize::from(ahead > IN_FRONT * length);
         }
         let near = onto.tree.nearest(&place.map(|x| x as f32));
         if f64::from(near.squared_distance) >= reach * reach {
-            return sums;
+            continue;
         }
         let j = near.index as usize;
         let normal = onto.normal(j);
         let facing = math::dot(pose.rotate(from.normal(i)), normal);
         if facing <= ALIKE {
-            return sums;
+            continue;
         }
         let off = math::dot(normal, math::sub(place, onto.place(j))) / (0.75 * reach);
         let lying = (1.0 - off * off).max(0.0) * (facing - ALIKE) / (1.0 - ALIKE);
-        sums.lying = lying;
-        sums.likeness = lying * likeness(from, onto, i, j);
-        sums
-    });
-    looks.fold(Sums::default(), Sums::add)
+        sums.lying += lying;
+        sums.likeness += lying * likeness(from, onto, i, j);
+    }
+    sums
 }
 
 /// How much more alike two points look than the first and others of the second's surface: minus
@@ -133,9 +118,7 @@ fn look(from: &Surface, onto: &Surface, pose: &Transform, length: f64, most: usi
 /// to do with each other. Flat pieces, which look like any other, tell nothing by it.
 fn likeness(from: &Surface, onto: &Surface, i: usize, j: usize) -> f64 {
     let row = from.descriptors.row(i);
-    let distance = |j: usize| -> f32 {
-        row.iter().zip(onto.descriptors.row(j)).map(|(a, b)| (a - b) * (a - b)).sum()
-    };
+    let distance = |j: usize| squared_distance(row, onto.descriptors.row(j));
     let own = distance(j);
     let probe = |k: usize| (k * onto.len() + onto.len() / 2) / PROBES;
     let as_alike = (0..PROBES).filter(|&k| distance(probe(k)) <= own).count();

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use self::evidence::{Evidence, REACH};
 use self::hypotheses::Matches;
-use self::scan::{Scan, Surface, View};
+use self::scan::{Scan, Surface, View, squared_distance};
 use self::settle::{Settled, settle};
 use super::registration::{Counts, Found, PointCounts, Timings};
 use super::{Method, Register, Registration, StopReason};
@@ -120,9 +120,10 @@ impl Consensus {
         Ok(())
     }
 
-    fn resolved(&self, source: &PointCloud, target: &PointCloud) -> Result<Consensus> {
-        if self.voxel.is_some() {
-            return Ok(self.clone());
+    /// The length that all others follow from.
+    fn length(&self, source: &PointCloud, target: &PointCloud) -> Result<f64> {
+        if let Some(voxel) = self.voxel {
+            return Ok(voxel);
         }
         let side = |cloud: &&PointCloud| filter::voxel_side(cloud, POINTS);
         let [source, target] = par::both([source, target], side)?;
@@ -131,7 +132,7 @@ impl Consensus {
             // All points in one place.
             return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
         }
-        Ok(Consensus { voxel: Some(side), ..self.clone() })
+        Ok(side)
     }
 
     fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
@@ -143,8 +144,8 @@ impl Consensus {
             }
         }
         let mut times = Timings::default();
-        let config = times.time("thin", || self.resolved(source, target))?;
-        let length = config.voxel.unwrap_or(0.0);
+        let length = times.time("thin", || self.length(source, target))?;
+        let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
             par::both(named, |&(cloud, name)| Scan::new(cloud, length, name))
@@ -216,10 +217,10 @@ impl Consensus {
             par::both(seen, |(scan, view)| scan.surface(*view))
         })?;
         let matches = times.time("matches", || matched(&source, &target, length))?;
-        let mut found = times.time("hypotheses", || matches.hypotheses(self.seeds));
+        let found = times.time("hypotheses", || matches.hypotheses(self.seeds));
         let corners = corners(&source);
         let mut distinct: Vec<Transform> = Vec::new();
-        for hypothesis in found.drain(..) {
+        for hypothesis in found {
             let new = |pose: &Transform| apart(pose, &hypothesis.pose, &corners) > SAME * length;
             if distinct.iter().all(new) {
                 distinct.push(hypothesis.pose);
@@ -295,9 +296,9 @@ fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
         pairs = connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect();
     }
     if pairs.len() > MATCHES {
-        let distance = |&(i, j): &(u32, u32)| -> f32 {
+        let distance = |&(i, j): &(u32, u32)| {
             let rows = (source.descriptors.row(i as usize), target.descriptors.row(j as usize));
-            rows.0.iter().zip(rows.1).map(|(a, b)| (a - b) * (a - b)).sum()
+            squared_distance(rows.0, rows.1)
         };
         pairs.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         pairs.truncate(MATCHES);

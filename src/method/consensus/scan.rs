@@ -156,6 +156,11 @@ impl<'a> Scan<'a> {
     }
 }
 
+/// Squared distance of two descriptors.
+pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
 impl Surface {
     pub(super) fn len(&self) -> usize {
         self.points.len()
