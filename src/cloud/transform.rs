@@ -127,6 +127,27 @@ impl Transform {
         let cos = (math::trace(r) - 1.0) / 2.0;
         sin.atan2(cos)
     }
+
+    /// The rotation vector of the rotation: axis times [`angle`](Self::angle), radians; undoes
+    /// [`from_rotation_vector`](Self::from_rotation_vector) up to length π.
+    ///
+    /// By the unit quaternion, from the row of its products that is largest (Shepperd 1978).
+    pub fn rotation_vector(&self) -> Vec3 {
+        let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.rotation;
+        let products = [
+            [1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, 1.0 - xx + yy - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, 1.0 - xx - yy + zz],
+        ];
+        let largest = (1..4).fold(0, |k, l| if products[l][l] > products[k][k] { l } else { k });
+        let row = products[largest];
+        let sign = if row[0] < 0.0 { -1.0 } else { 1.0 };
+        let [w, x, y, z] =
+            row.map(|value| sign * value / (2.0 * products[largest][largest].sqrt()));
+        let sin = math::norm([x, y, z]);
+        math::scaled(math::normalized([x, y, z]), 2.0 * sin.atan2(w))
+    }
 }
 
 impl From<Transform> for [[f64; 4]; 4] {
@@ -167,6 +188,17 @@ mod tests {
         for angle in [0.0, 1e-9, 0.5, 3.0, std::f64::consts::PI - 1e-9] {
             let turn = Transform::from_rotation_vector([angle, 0.0, 0.0]);
             assert!((turn.angle() - angle).abs() < 1e-15, "{angle}");
+        }
+    }
+
+    #[test]
+    fn rotation_vectors_round_trip() {
+        for axis in [[0.6, 0.0, -0.8], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [-0.48, 0.6, 0.64]] {
+            for angle in [0.0, 1e-9, 0.5, 2.0, 3.1, std::f64::consts::PI - 1e-6] {
+                let vector = math::scaled(axis, angle);
+                let found = Transform::from_rotation_vector(vector).rotation_vector();
+                assert!(math::norm(math::sub(found, vector)) < 1e-14, "{found:?} {vector:?}");
+            }
         }
     }
 

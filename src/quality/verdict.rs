@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::PoseCovariance;
 use crate::cloud::Transform;
 
 /// Probability from which on a pose is accepted.
@@ -44,6 +45,10 @@ pub struct Verdict {
     pub overlap: f64,
     /// The best pose that is another, if there is one.
     pub runner_up: Option<RunnerUp>,
+    /// How far the pose may be off if it is the right one, and along which motions nothing
+    /// holds it; `None` where too few points lie on each other to tell. A refinement that takes
+    /// the verdict over has that of the pose before.
+    pub covariance: Option<PoseCovariance>,
 }
 
 impl Verdict {
@@ -53,6 +58,7 @@ impl Verdict {
         overlap: f64,
         reasons: Vec<String>,
         runner_up: Option<RunnerUp>,
+        covariance: Option<PoseCovariance>,
     ) -> Verdict {
         let odds = |probability: f64| probability / (1.0 - probability);
         let rivals = |other: RunnerUp| {
@@ -65,7 +71,7 @@ impl Verdict {
         } else {
             Decision::Accept
         };
-        Verdict { decision, probability, reasons, overlap, runner_up }
+        Verdict { decision, probability, reasons, overlap, runner_up, covariance }
     }
 }
 
@@ -78,7 +84,7 @@ mod tests {
         let decided = |probability, other: Option<f64>| {
             let transform = Transform::IDENTITY;
             let other = other.map(|probability| RunnerUp { transform, probability });
-            Verdict::new(probability, 0.5, Vec::new(), other).decision
+            Verdict::new(probability, 0.5, Vec::new(), other, None).decision
         };
         assert_eq!(decided(0.99, None), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.01)), Decision::Accept);

@@ -90,6 +90,10 @@ pub struct Row {
     pub ambiguous: bool,
     /// Probability of being right, from methods that tell.
     pub probability: Option<f64>,
+    /// Squared error in units of what its covariance expects, from methods that tell
+    /// ([`PoseCovariance::nees`](crate::quality::PoseCovariance::nees)).
+    #[serde(default)]
+    pub nees: Option<f64>,
     /// Seconds of the registration, files read before.
     pub seconds: f64,
     /// Why there is no answer; empty with one.
@@ -173,6 +177,10 @@ fn one(
             let verdict = verdict(&found);
             row.ambiguous = verdict.is_some_and(|verdict| verdict.decision == Decision::Ambiguous);
             row.probability = verdict.map(|verdict| verdict.probability);
+            row.nees = pair.truth.as_ref().and_then(|truth| {
+                let truth = truth.after(&motion.inverse());
+                Some(verdict?.covariance.as_ref()?.nees(&found.transform, &truth))
+            });
             // In the frames of the files, as published errors are.
             row.compare(&found.transform.after(&motion), pair, &source);
         }
@@ -198,6 +206,7 @@ impl Row {
             accepted: false,
             ambiguous: false,
             probability: None,
+            nees: None,
             seconds,
             error: String::new(),
         }

@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 
 use super::Row;
 
+/// 95 % quantile of χ² with six degrees of freedom, whose median is 5.348.
+const CHI_SQUARE_95: f64 = 12.592;
 /// Bounds of overlap between which pairs are counted together.
 const BANDS: [f64; 4] = [0.1, 0.3, 0.5, 0.75];
 
@@ -43,6 +45,17 @@ pub fn markdown(rows: &[Row]) -> String {
             let rows = of(set, method);
             if !rows.is_empty() {
                 verdicts(&mut text, set, method, &rows);
+            }
+        }
+    }
+    text += "\n| set | method | right poses | NEES (median; 5.3 expected) | within the 95 % region |\n\
+             |---|---|---|---|---|\n";
+    for set in &sets {
+        for method in &methods {
+            let right = of(set, method).into_iter().filter(|row| row.right);
+            let mut nees: Vec<f64> = right.filter_map(|row| row.nees).collect();
+            if !nees.is_empty() {
+                covariances(&mut text, set, method, &mut nees);
             }
         }
     }
@@ -110,6 +123,19 @@ fn verdicts(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
     );
 }
 
+/// What covariances were worth: the squared errors of right poses in units of what they expect.
+fn covariances(text: &mut String, set: &str, method: &str, nees: &mut [f64]) {
+    nees.sort_by(f64::total_cmp);
+    let within = nees.iter().filter(|&&error| error < CHI_SQUARE_95).count();
+    let _ = writeln!(
+        text,
+        "| {set} | {method} | {} | {:.1} | {:.0} % |",
+        nees.len(),
+        nees[nees.len() / 2],
+        100.0 * within as f64 / nees.len() as f64,
+    );
+}
+
 /// Ten classes of the probability that was told, and the share that was right.
 fn reliability(text: &mut String, method: &str, rows: &[&Row]) {
     let _ = write!(
@@ -156,6 +182,7 @@ mod tests {
             accepted,
             ambiguous: false,
             probability: Some(probability),
+            nees: Some(if right { 5.0 } else { 900.0 }),
             seconds: 0.25,
             error: String::new(),
         }
@@ -175,6 +202,7 @@ mod tests {
         assert!(text.contains("| rooms | consensus | 0/1 = 0.0 % | 1/2 = 50.0 % | 0 |"), "{text}");
         // Pairs with nothing in common have no recall, but a false accept.
         assert!(text.contains("| unrelated | consensus | 1/1 = 100.0 % | - | 0 |"), "{text}");
+        assert!(text.contains("| rooms | consensus | 2 | 5.0 | 100 % |"), "{text}");
         assert!(text.contains("| 0.3-0.4 | 2 | 0.330 | 0.500 |"), "{text}");
         assert!(text.contains("| 0.9-1.0 | 2 | 0.970 | 0.500 |"), "{text}");
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use self::evidence::{Evidence, REACH};
 use self::hypotheses::Matches;
 use self::scan::{Scan, Surface, View, squared_distance};
-use self::settle::{Settled, settle};
+use self::settle::{Effort, Settled, covariance, settle};
 use super::registration::{Counts, Found, PointCounts, Timings};
 use super::{Method, Register, Registration, StopReason};
 use crate::cloud::{PointCloud, Transform};
@@ -20,7 +20,7 @@ use crate::math::{self, Vec3};
 use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
-use crate::quality::{Doubt, RunnerUp, Verdict};
+use crate::quality::{Doubt, PoseCovariance, RunnerUp, Verdict};
 
 /// Global registration of scans that overlap in part: the method for clouds of which nothing is
 /// known.
@@ -79,10 +79,10 @@ const FEW: usize = 16;
 const GLANCE: usize = 200;
 /// Hypotheses that are settled.
 const SETTLED: usize = 12;
-/// Points by which they are settled and judged then, and most steps.
-const LOOK: (usize, u32) = (1000, 12);
-/// Most steps of the answer, by all points.
-const STEPS: u32 = 30;
+/// How they are settled, and by as many points they are judged then.
+const LOOK: Effort = Effort { most: 1000, steps: 12, rest: 0.01 };
+/// How the answer is settled: to where its own errors are larger than those of the last step.
+const ANSWER: Effort = Effort { most: usize::MAX, steps: 100, rest: 1e-4 };
 /// Log odds from which on no other way to see the clouds is tried.
 const SURE: f64 = 5.0;
 /// Poses that move points apart by less than this, in lengths, are one.
@@ -161,11 +161,12 @@ impl Consensus {
         };
         let [from, onto] = &best.surfaces;
         let ends = [from, onto];
-        let settled =
-            times.time("refine", || settle(ends, &first.pose, REACH * length, usize::MAX, STEPS));
-        let evidence = Evidence::of(ends, &best.matches, &settled.pose, LOOK.0);
+        let settled = times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER));
+        let evidence = Evidence::of(ends, &best.matches, &settled.pose, LOOK.most);
         let runner_up = runner_up(&attempts, &best.surfaces, &settled.pose, length);
-        let verdict = verdict(&evidence, runner_up);
+        let covariance =
+            times.time("covariance", || covariance(ends, &settled.pose, REACH * length, length));
+        let verdict = verdict(&evidence, runner_up, covariance);
         config.conclude(&scans, best, settled, verdict, times)
     }
 
@@ -239,11 +240,10 @@ impl Consensus {
             let glance = par::map(distinct.len(), || (), |_, i| judged(distinct[i], GLANCE));
             let mut best = sorted(glance);
             best.truncate(SETTLED);
-            let (most, steps) = LOOK;
             sorted(par::map(
                 best.len(),
                 || (),
-                |_, i| judged(settle(ends, &best[i].pose, REACH * length, most, steps).pose, most),
+                |_, i| judged(settle(ends, &best[i].pose, REACH * length, LOOK).pose, LOOK.most),
             ))
         });
         Ok(Attempt { surfaces: [source, target], matches, candidates })
@@ -333,7 +333,11 @@ fn probability(evidence: &Evidence) -> f64 {
     1.0 / (1.0 + (-evidence.log_odds().clamp(-30.0, 30.0)).exp())
 }
 
-fn verdict(evidence: &Evidence, runner_up: Option<RunnerUp>) -> Verdict {
+fn verdict(
+    evidence: &Evidence,
+    runner_up: Option<RunnerUp>,
+    covariance: Option<PoseCovariance>,
+) -> Verdict {
     let mut reasons = vec![
         format!("{:.0} % of a surface lies on the other and faces alike", 100.0 * evidence.overlap),
         format!("surfaces that lie on each other look alike by {:.2} nats", evidence.likeness),
@@ -343,7 +347,10 @@ fn verdict(evidence: &Evidence, runner_up: Option<RunnerUp>) -> Verdict {
         let percent = 100.0 * share;
         reasons.push(format!("{percent:.1} % stand where a sensor looked through"));
     }
-    Verdict::new(probability(evidence), evidence.overlap, reasons, runner_up)
+    if let Some(loose) = covariance.as_ref().map(|it| it.undetermined.len()).filter(|&n| n > 0) {
+        reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
+    }
+    Verdict::new(probability(evidence), evidence.overlap, reasons, runner_up, covariance)
 }
 
 /// Eight points spread over the surface, in the order of its points.

@@ -1,10 +1,12 @@
-//! A pose made exact on the surfaces: point to plane, weighed by nearness and facing.
+//! A pose made exact on the surfaces: along the mean of both normals (Rusinkiewicz 2019),
+//! weighed by nearness and facing.
 
 use super::scan::Surface;
 use crate::cloud::Transform;
 use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Vec3};
 use crate::moments::Moments;
+use crate::quality::{Contact, PoseCovariance};
 
 /// Cosine of the angle between normals above which points are paired, whichever way they face.
 const ALIKE: f64 = 0.7;
@@ -23,14 +25,25 @@ pub(super) struct Settled {
     pub(super) steps: u32,
 }
 
-/// Moves `pose`, local frame to local frame, until it rests or for `steps`, by `most` points of
-/// the source spread evenly; pairs are at most `reach` apart.
+/// How long to go on.
+#[derive(Clone, Copy)]
+pub(super) struct Effort {
+    /// Points of the source that are looked at, spread evenly.
+    pub(super) most: usize,
+    /// Most steps.
+    pub(super) steps: u32,
+    /// Shift, as a share of the pairs' reach, below which a step is rest; a hundredth of it for
+    /// the turn, in radians.
+    pub(super) rest: f64,
+}
+
+/// Moves the pose `start`, local frame to local frame, until it rests; pairs are at most `reach`
+/// apart.
 pub(super) fn settle(
     [source, target]: [&Surface; 2],
     start: &Transform,
     reach: f64,
-    most: usize,
-    steps: u32,
+    Effort { most, steps, rest }: Effort,
 ) -> Settled {
     let stride = source.len().div_ceil(most).max(1);
     let none = Moments::about(source.origin, target.origin);
@@ -39,18 +52,9 @@ pub(super) fn settle(
         let reach = if (step as usize) < WIDE { 2.0 * reach } else { reach };
         let mut system = System { curvature: [[0.0; 6]; 6], pull: [0.0; 6], unit: reach };
         let (mut moments, mut pairs) = (none, 0);
-        for i in (0..source.len()).step_by(stride) {
-            let place = settled.pose.apply(source.place(i));
-            let near = target.tree.nearest(&place.map(|x| x as f32));
-            let far = f64::from(near.squared_distance) / (reach * reach);
-            let j = near.index as usize;
-            let normal = target.normal(j);
-            let facing = math::dot(settled.pose.rotate(source.normal(i)), normal).abs();
-            if far >= 1.0 || facing < ALIKE {
-                continue;
-            }
-            let weight = facing * (1.0 - far) * (1.0 - far);
-            system.add(weight, place, normal, math::sub(place, target.place(j)));
+        for (i, j, contact) in contacts([source, target], &settled.pose, reach, stride) {
+            let Contact { weight, place, offset, .. } = contact;
+            system.add(weight, place, contact.normal(), offset);
             moments.add_pair(weight, source.place(i), target.place(j));
             pairs += 1;
         }
@@ -63,11 +67,48 @@ pub(super) fn settle(
         let turn = Transform::from_rotation_vector([a, b, c]);
         let moved = Transform { translation: shift, ..turn };
         settled = Settled { pose: moved.after(&settled.pose), moments, steps: step + 1 };
-        if math::norm([a, b, c]) < 1e-4 && math::norm(shift) < 0.01 * reach {
+        if math::norm([a, b, c]) < 0.01 * rest && math::norm(shift) < rest * reach {
             break;
         }
     }
     settled
+}
+
+/// Points of the source that lie on the target under `pose`: their rows, and the contact.
+fn contacts<'a>(
+    [source, target]: [&'a Surface; 2],
+    pose: &'a Transform,
+    reach: f64,
+    stride: usize,
+) -> impl Iterator<Item = (usize, usize, Contact)> + 'a {
+    (0..source.len()).step_by(stride).filter_map(move |i| {
+        let place = pose.apply(source.place(i));
+        let near = target.tree.nearest(&place.map(|x| x as f32));
+        let far = f64::from(near.squared_distance) / (reach * reach);
+        let j = near.index as usize;
+        let normals = [pose.rotate(source.normal(i)), target.normal(j)];
+        let facing = math::dot(normals[0], normals[1]).abs();
+        if far >= 1.0 || facing < ALIKE {
+            return None;
+        }
+        let weight = facing * (1.0 - far) * (1.0 - far);
+        let offset = math::sub(place, target.place(j));
+        Some((i, j, Contact { weight, place, offset, normals }))
+    })
+}
+
+/// How far a settled `pose` may be off, if it is the right one.
+pub(super) fn covariance(
+    ends: [&Surface; 2],
+    pose: &Transform,
+    reach: f64,
+    length: f64,
+) -> Option<PoseCovariance> {
+    let under = |pose: &Transform, most: usize| -> Vec<Contact> {
+        let stride = ends[0].len().div_ceil(most).max(1);
+        contacts(ends, pose, reach, stride).map(|(.., contact)| contact).collect()
+    };
+    PoseCovariance::of(under, pose, ends[1].origin, length)
 }
 
 /// Normal equations of a motion: a rotation vector, and a translation in units.
@@ -104,6 +145,8 @@ mod tests {
     use super::*;
     use crate::cloud::PointCloud;
 
+    const WHOLE: Effort = Effort { most: usize::MAX, steps: 100, rest: 1e-4 };
+
     #[test]
     fn a_pose_near_the_surfaces_settles_on_them() {
         let bumps = |shift: f64| {
@@ -125,14 +168,14 @@ mod tests {
         };
         let turn = Transform::from_rotation_vector([0.02, -0.01, 0.02]);
         let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
-        let settled = settle(ends, &start, 1.5, usize::MAX, 30);
+        let settled = settle(ends, &start, 1.5, WHOLE);
         let off = truth.after(&settled.pose.inverse());
         // A part of the spacing of 1, at which both sample the bumps.
         assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.2, "{off:?}");
         assert!(settled.moments.weight > 100.0 && settled.steps > 2);
         // From far away nothing is paired: the pose stays.
         let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
-        let stays = settle(ends, &far, 1.5, usize::MAX, 30);
+        let stays = settle(ends, &far, 1.5, WHOLE);
         assert_eq!((stays.pose, stays.steps), (far, 0));
     }
 }

@@ -15,7 +15,7 @@ from . import _interop, _native
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["Doubt", "Evaluation", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate"]
+__all__ = ["Doubt", "Evaluation", "PoseCovariance", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,31 @@ class RunnerUp:
     probability: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class PoseCovariance:
+    """How far a pose may be off, if it is the right one.
+
+    With c the center and T the pose, the true pose maps p to exp(w) (T p - c) + c + t.
+
+    matrix : (6, 6) float64, covariance of (w, t): rotation vector in radians, then shift in
+        the target's unit
+    center : (3,) what turns are about, in the target's frame
+    undetermined : (K, 6) motions (w, t) along which nothing holds the pose, K from 0 to 6; along
+        them the matrix has the size of the overlap, in place of infinity
+    """
+
+    matrix: npt.NDArray[np.float64]
+    center: npt.NDArray[np.float64]
+    undetermined: npt.NDArray[np.float64]
+
+    @classmethod
+    def _of(cls, facts: dict[str, Any]) -> PoseCovariance:
+        motions = [motion["rotation"] + motion["translation"] for motion in facts["undetermined"]]
+        undetermined = np.array(motions, dtype=float).reshape(-1, 6)
+        return cls(np.array(facts["matrix"]), np.array(facts["center"]), undetermined)
+
+
+@dataclass(frozen=True, eq=False)
 class Verdict:
     """Whether to take a pose, and why.
 
@@ -150,6 +174,8 @@ class Verdict:
     reasons : what speaks for and against it, in words
     overlap : share of a surface that lies on the other and faces alike, the larger of both
     runner_up : RunnerUp, the best pose that is another, or None
+    covariance : PoseCovariance, or None where too few points lie on each other to tell; of a
+        refinement, that of the pose before
     """
 
     decision: str
@@ -157,6 +183,7 @@ class Verdict:
     reasons: tuple[str, ...]
     overlap: float
     runner_up: RunnerUp | None
+    covariance: PoseCovariance | None
 
     @classmethod
     def _of(cls, facts: dict[str, Any]) -> Verdict:
@@ -170,6 +197,7 @@ class Verdict:
             tuple(facts["reasons"]),
             facts["overlap"],
             runner_up,
+            None if facts["covariance"] is None else PoseCovariance._of(facts["covariance"]),
         )
 
 

@@ -1,0 +1,261 @@
+//! How far a pose may be off, and along which motions nothing holds it.
+//!
+//! A pose at rest on two surfaces solves g = Σ w J (n·e) = 0 over the points that lie on each
+//! other. As for any such estimator (White 1982) its covariance is A⁻¹ B A⁻ᵀ: B the scatter of
+//! the terms of g, summed over neighbours first, whose errors go together; A how g answers to a
+//! motion. A is measured by moving the pose and finding the pairs again: nearest points follow a
+//! motion, and the surfaces hold less than Σ w J Jᵀ would say.
+
+use std::collections::BTreeMap;
+
+use faer::linalg::solvers::DenseSolveCore;
+
+use serde::Serialize;
+
+use crate::cloud::Transform;
+use crate::math::cholesky::{self, Mat6, Vec6};
+use crate::math::{self, Vec3};
+use crate::par;
+
+/// A source point that lies on the target's surface under the pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact {
+    /// Weight of the pair, above 0.
+    pub weight: f64,
+    /// The moved source point.
+    pub place: Vec3,
+    /// The moved source point minus its target point.
+    pub offset: Vec3,
+    /// Unit normals of the moved source point, and of its target point; of either sign.
+    pub normals: [Vec3; 2],
+}
+
+impl Contact {
+    /// Unit mean of both normals, as the target's points: along it the distance of two curved
+    /// surfaces is free of their curvature (Rusinkiewicz 2019).
+    pub fn normal(&self) -> Vec3 {
+        let [own, other] = self.normals;
+        let sign = if math::dot(own, other) < 0.0 { -1.0 } else { 1.0 };
+        math::normalized(math::add(math::scaled(own, sign), other))
+    }
+}
+
+/// A small motion: a turn about the [`center`](PoseCovariance::center), and a shift.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Motion {
+    /// Rotation vector, radians.
+    pub rotation: Vec3,
+    /// In the target's unit.
+    pub translation: Vec3,
+}
+
+/// Covariance of a pose that rests on surfaces.
+///
+/// With c the [`center`](Self::center), T the pose and p a point, the true pose is
+/// p ↦ exp(ω)(T p − c) + c + τ; the matrix is that of (ω, τ).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PoseCovariance {
+    /// Rows of six: rotation vector (radians), then shift (the target's unit).
+    pub matrix: Mat6,
+    /// What turns are about, in the target's frame: the mean of the points that lie on each
+    /// other.
+    pub center: Vec3,
+    /// Motions along which the surfaces slide on each other, |ω|² + |τ|²/r² = 1 with r the root
+    /// mean square distance of the points from the center. The matrix has the variance 1 (and r²)
+    /// along them, in place of infinity.
+    pub undetermined: Vec<Motion>,
+}
+
+/// Pairs below which nothing is said.
+const LEAST: usize = 10;
+/// Side of the cubes within which errors are taken to go together, in spacings.
+const TOGETHER: f64 = 4.0;
+/// Share of the curvature along a motion that normals of both surfaces must agree on: the rest
+/// is their noise, which holds nothing.
+const AGREED: f64 = 0.5;
+/// Motion by which the answer of the pairs is measured, in spacings, and points for it.
+const STEP: f64 = 0.2;
+const PROBES: usize = 1000;
+/// What a sampled surface is not known better than, in spacings: where there is no noise at all,
+/// the errors left are of the two samplings and no residual shows them.
+const FLOOR: f64 = 0.004;
+
+impl PoseCovariance {
+    /// Of a `pose` at rest on two surfaces.
+    ///
+    /// `contacts` are the pairs under a pose, of at most so many source points spread evenly;
+    /// their places are about a local origin that `origin` brings into the target's frame.
+    /// `spacing` is that of the points.
+    ///
+    /// `None` for fewer than ten contacts and for those in one place.
+    pub fn of(
+        contacts: impl Fn(&Transform, usize) -> Vec<Contact> + Sync,
+        pose: &Transform,
+        origin: Vec3,
+        spacing: f64,
+    ) -> Option<PoseCovariance> {
+        let all = contacts(pose, usize::MAX);
+        let frame = Frame::of(&all)?;
+        let mut curvature = [[0.0; 6]; 6];
+        let mut agreed = [[0.0; 6]; 6];
+        let mut pulls: BTreeMap<[i64; 3], Vec6> = BTreeMap::new();
+        for contact in &all {
+            let normal = contact.normal();
+            let side = |n: Vec3| if math::dot(n, normal) < 0.0 { math::scaled(n, -1.0) } else { n };
+            let row = frame.row(contact, normal);
+            let [own, other] = contact.normals.map(|n| frame.row(contact, side(n)));
+            let cube = contact.place.map(|x| (x / (TOGETHER * spacing)).floor() as i64);
+            let pull = pulls.entry(cube).or_default();
+            for i in 0..6 {
+                pull[i] += frame.off(contact) * row[i];
+                for j in 0..6 {
+                    curvature[i][j] += contact.weight * row[i] * row[j];
+                    agreed[i][j] += 0.5 * contact.weight * (own[i] * other[j] + other[i] * own[j]);
+                }
+            }
+        }
+        let (values, motions) = eigen(&curvature)?;
+        let along = |k: usize, v: &Vec6| (0..6).map(|i| motions[k][i] * v[i]).sum::<f64>();
+        let mut scatter = [[0.0; 6]; 6];
+        for pull in pulls.values() {
+            let pull: Vec6 = std::array::from_fn(|k| along(k, pull));
+            (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += pull[i] * pull[j]));
+        }
+        let answer = frame.answer(&contacts, pose, &motions, STEP * spacing);
+        let known = spacing / frame.radius;
+        let holds = |&k: &usize| {
+            let agreed = along(k, &agreed.map(|row| along(k, &row)));
+            agreed > AGREED * values[k]
+                && answer[k][k] > 0.0
+                && scatter[k][k].sqrt() < known * answer[k][k]
+        };
+        let held: Vec<usize> = (0..6).filter(holds).collect();
+        let of_held =
+            |m: &Mat6| faer::Mat::from_fn(held.len(), held.len(), |i, j| m[held[i]][held[j]]);
+        let inverse = of_held(&answer).partial_piv_lu().inverse();
+        let spread = &inverse * of_held(&scatter) * inverse.transpose();
+        // In the frame of the motions: 1 along those that nothing holds.
+        let mut own = [[0.0; 6]; 6];
+        (0..6).for_each(|k| own[k][k] = 1.0);
+        for (i, &k) in held.iter().enumerate() {
+            for (j, &l) in held.iter().enumerate() {
+                own[k][l] = spread[(i, j)] + if k == l { (FLOOR * known).powi(2) } else { 0.0 };
+            }
+        }
+        let unit = |i: usize| if i < 3 { 1.0 } else { frame.radius };
+        let entry = |i: usize, j: usize| -> f64 {
+            let row = |k: usize| (0..6).map(|l| own[k][l] * motions[l][j]).sum::<f64>();
+            unit(i) * unit(j) * (0..6).map(|k| motions[k][i] * row(k)).sum::<f64>()
+        };
+        let matrix: Mat6 = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+        // Rounding must neither break the symmetry nor give what is no number.
+        let matrix =
+            std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])));
+        cholesky::factor(&matrix)?;
+        Some(PoseCovariance {
+            matrix,
+            center: math::add(frame.center, origin),
+            undetermined: (0..6).filter(|k| !holds(k)).map(|k| frame.motion(&motions[k])).collect(),
+        })
+    }
+
+    /// The squared error of `pose`, which this is the covariance of, against the true one, in
+    /// units of what is expected: eᵀ Σ⁻¹ e, 6 in the mean where the covariance is right (less
+    /// what is undetermined).
+    pub fn nees(&self, pose: &Transform, truth: &Transform) -> f64 {
+        let off = truth.after(&pose.inverse());
+        let [a, b, c] = off.rotation_vector();
+        let [x, y, z] = math::sub(off.apply(self.center), self.center);
+        let error = [a, b, c, x, y, z];
+        let Some(factor) = cholesky::factor(&self.matrix) else { return f64::NAN };
+        cholesky::solve(&factor, &error).iter().zip(error).map(|(a, b)| a * b).sum()
+    }
+}
+
+/// Where motions are taken about, and the length in which turns and shifts weigh alike.
+struct Frame {
+    center: Vec3,
+    radius: f64,
+}
+
+impl Frame {
+    fn of(contacts: &[Contact]) -> Option<Frame> {
+        let weight: f64 = contacts.iter().map(|contact| contact.weight).sum();
+        if contacts.len() < LEAST || weight.is_nan() || weight <= 0.0 {
+            return None;
+        }
+        let part = |contact: &Contact| contact.weight / weight;
+        let center =
+            contacts.iter().fold([0.0; 3], |sum, c| math::add(sum, math::scaled(c.place, part(c))));
+        let square = |contact: &Contact| {
+            let arm = math::sub(contact.place, center);
+            part(contact) * math::dot(arm, arm)
+        };
+        let radius = contacts.iter().map(square).sum::<f64>().sqrt();
+        (radius > 0.0).then_some(Frame { center, radius })
+    }
+
+    /// How the distance along `normal` grows with a motion, in radii.
+    fn row(&self, contact: &Contact, normal: Vec3) -> Vec6 {
+        let arm = math::scaled(math::sub(contact.place, self.center), 1.0 / self.radius);
+        let [a, b, c] = math::cross(arm, normal);
+        let [x, y, z] = normal;
+        [a, b, c, x, y, z]
+    }
+
+    /// Weighted distance along the normal, in radii.
+    fn off(&self, contact: &Contact) -> f64 {
+        contact.weight * math::dot(contact.normal(), contact.offset) / self.radius
+    }
+
+    fn motion(&self, &[a, b, c, x, y, z]: &Vec6) -> Motion {
+        Motion { rotation: [a, b, c], translation: math::scaled([x, y, z], self.radius) }
+    }
+
+    /// Change of the pull along each of `motions` (rows) by a step along each (columns), the
+    /// pairs found again.
+    fn answer(
+        &self,
+        contacts: &(impl Fn(&Transform, usize) -> Vec<Contact> + Sync),
+        pose: &Transform,
+        motions: &[Vec6; 6],
+        length: f64,
+    ) -> Mat6 {
+        let step = length / self.radius;
+        let pull = |motion: Vec6| -> Vec6 {
+            let Motion { rotation, translation } = self.motion(&motion);
+            let turn = Transform::from_rotation_vector(rotation);
+            let center = math::add(self.center, translation);
+            let shift = math::sub(center, turn.rotate(self.center));
+            let moved = Transform { translation: shift, ..turn }.after(pose);
+            let mut sum = [0.0; 6];
+            for contact in contacts(&moved, PROBES) {
+                let row = self.row(&contact, contact.normal());
+                let off = self.off(&contact);
+                (0..6).for_each(|i| sum[i] += off * row[i]);
+            }
+            motions.map(|motion| (0..6).map(|i| motion[i] * sum[i]).sum())
+        };
+        let steps = par::map(
+            12,
+            || (),
+            |_, k| {
+                let sign = if k % 2 == 0 { step } else { -step };
+                pull(motions[k / 2].map(|x| sign * x))
+            },
+        );
+        let weight = |most| contacts(pose, most).iter().map(|contact| contact.weight).sum::<f64>();
+        let share = weight(PROBES) / weight(usize::MAX);
+        std::array::from_fn(|k| {
+            std::array::from_fn(|l| (steps[2 * l][k] - steps[2 * l + 1][k]) / (2.0 * step * share))
+        })
+    }
+}
+
+/// Eigenvalues, ascending, and unit eigenvectors as rows.
+fn eigen(matrix: &Mat6) -> Option<(Vec6, [Vec6; 6])> {
+    let matrix = faer::Mat::from_fn(6, 6, |i, j| matrix[i][j]);
+    let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
+    let values = std::array::from_fn(|k| eigen.S().column_vector()[k]);
+    Some((values, std::array::from_fn(|k| std::array::from_fn(|i| eigen.U()[(i, k)]))))
+}
