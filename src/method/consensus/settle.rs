@@ -49,7 +49,10 @@ pub(super) fn settle(
             if far >= 1.0 || facing < ALIKE {
                 continue;
             }
-            let weight = facing * (1.0 - far) * (1.0 - far);
+            let weight = facing * (1.0 - far) * (1.0 - far) * source.weight(i) * target.weight(j);
+            if weight <= 0.0 {
+                continue;
+            }
             system.add(weight, place, normal, math::sub(place, target.place(j)));
             moments.add_pair(weight, source.place(i), target.place(j));
             pairs += 1;
