@@ -88,10 +88,11 @@ impl PyCloud {
             Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
             None => cloud,
         };
-        let rows = cloud.len() + cloud.dropped();
+        let given = points.cast::<PyCloud>().is_ok();
+        let rows = if given { cloud.len() } else { cloud.len() + cloud.dropped() };
         let kept = match (weights.is_some() || channels.is_some()) && cloud.dropped() > 0 {
-            true => kept_rows(points, rows)?,
-            false => (0..cloud.len()).collect(),
+            true if !given => kept_rows(points, rows)?,
+            _ => (0..cloud.len()).collect(),
         };
         let column = |any: &Bound<'_, PyAny>, name: &str| -> PyResult<Vec<f64>> {
             let all = column_of(any, name, rows)?;
@@ -345,13 +346,9 @@ fn column_of(any: &Bound<'_, PyAny>, name: &str, rows: usize) -> PyResult<Vec<f6
     Ok(column.as_slice().map(<[f64]>::to_vec).or_else(|_| column.to_vec())?)
 }
 
-/// The rows of `points` that a cloud keeps: those that are finite. A `PointCloud` that has left
-/// out rows does not know which.
+/// The rows of `points` that a cloud keeps: those that are finite.
 fn kept_rows(points: &Bound<'_, PyAny>, rows: usize) -> PyResult<Vec<usize>> {
     let py = points.py();
-    if let Ok(given) = points.cast::<PyCloud>() {
-        return Ok((0..given.get().cloud.len()).collect());
-    }
     let array = match points.get_type().is(PyUntypedArray::type_object(py)) {
         true => points.clone(),
         false => interop(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
@@ -425,7 +422,8 @@ impl<'py> AnyCloud<'py> {
                     detached(py, || Cloud::new(rows))
                 }
             };
-            return cloud.map(AnyCloud::Made).map_err(|error| about(name, error));
+            let cloud = cloud.map_err(|error| about(name, error))?;
+            return colored(cloud, any).map(AnyCloud::Made);
         };
         let normals = Table::read(&as_array(normals, "normals")?, "normals", Some(3))?;
         if bad_rows == BadRows::Refuse {
@@ -441,12 +439,12 @@ impl<'py> AnyCloud<'py> {
         }
         let cloud = detached(py, || Cloud::with_normals(points, normals));
         let cloud = cloud.map_err(|error| about(name, error))?;
-        let viewpoint = any.cast::<PyCloud>().ok().and_then(|given| given.get().cloud.viewpoint());
-        let cloud = match viewpoint {
-            Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
-            None => cloud,
-        };
-        Ok(AnyCloud::Made(cloud))
+        let Ok(given) = any.cast::<PyCloud>() else { return colored(cloud, any).map(AnyCloud::Made) };
+        let given = &given.get().cloud;
+        let weights = given.weights().map(<[f32]>::to_vec);
+        let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
+        let parts = Parts { weights, channels, viewpoint, ..cloud.parts() };
+        Cloud::from_parts(parts).map(AnyCloud::Made).map_err(exception)
     }
 
     /// A cloud whose points are named by their rows in what was handed over.
@@ -469,6 +467,27 @@ impl<'py> AnyCloud<'py> {
             AnyCloud::Made(cloud) => cloud,
         }
     }
+}
+
+/// The cloud with the colours of what it was made from, where that has any.
+fn colored(cloud: Cloud, any: &Bound<'_, PyAny>) -> PyResult<Cloud> {
+    let py = any.py();
+    if any.get_type().is(PyUntypedArray::type_object(py)) {
+        return Ok(cloud);
+    }
+    let colors = interop(py)?.call_method1("colors", (any,))?;
+    if colors.is_none() {
+        return Ok(cloud);
+    }
+    let kept = kept_rows(any, cloud.len() + cloud.dropped())?;
+    let mut channels = Channels::default();
+    for (axis, name) in ["red", "green", "blue"].into_iter().enumerate() {
+        let column = colors.get_item((py.Ellipsis(), axis))?;
+        let all = column_of(&column, "colors", cloud.len() + cloud.dropped())?;
+        let values = kept.iter().map(|&row| all[row] as f32).collect();
+        channels = channels.with(name, values).map_err(exception)?;
+    }
+    cloud.with_channels(channels).map_err(exception)
 }
 
 /// Three numbers.
