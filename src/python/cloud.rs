@@ -439,7 +439,9 @@ impl<'py> AnyCloud<'py> {
         }
         let cloud = detached(py, || Cloud::with_normals(points, normals));
         let cloud = cloud.map_err(|error| about(name, error))?;
-        let Ok(given) = any.cast::<PyCloud>() else { return colored(cloud, any).map(AnyCloud::Made) };
+        let Ok(given) = any.cast::<PyCloud>() else {
+            return colored(cloud, any).map(AnyCloud::Made);
+        };
         let given = &given.get().cloud;
         let weights = given.weights().map(<[f32]>::to_vec);
         let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
