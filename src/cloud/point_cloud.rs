@@ -390,7 +390,7 @@ impl PointCloud {
         PointCloud {
             points: pick(&self.points),
             normals: self.normals.as_deref().map(pick),
-            weights: self.weights().map(|weights| pick_numbers(weights)),
+            weights: self.weights().map(pick_numbers),
             channels: self.channels.map(pick_numbers),
             ..*self
         }
