@@ -6,13 +6,14 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cloud::PointCloud;
+use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
 use crate::math;
 use crate::search;
 
-/// One point per occupied cube of side `size`: the mean of the points (and normals) in
-/// it, cubes in the order of their first point.
+/// One point per occupied cube of side `size`: the mean of the points (and normals, and
+/// channels) in it, cubes in the order of their first point. Where points have weights these are
+/// weighted means, and the weights of a cube add up; where all of them are 0, they are plain.
 ///
 /// The grid starts at the lowest corner of the cloud's bounding box, so that it moves
 /// along with the cloud.
@@ -21,6 +22,48 @@ use crate::search;
 /// [`Error::Config`] when `size` is not positive and finite, or so small that a side of
 /// the box has more than 2⁶² cubes.
 pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
+    let members = cubes(cloud, size)?;
+    if members.is_empty() {
+        return Ok(cloud.clone());
+    }
+    let total = |cell: &Vec<usize>| -> f64 {
+        cloud.weights().map_or(0.0, |w| cell.iter().map(|&i| f64::from(w[i])).sum())
+    };
+    let mean = |cell: &Vec<usize>, value: &dyn Fn(usize) -> math::Vec3| {
+        let sum_of = |share: &dyn Fn(usize) -> f64| {
+            cell.iter().fold([0.0; 3], |sum, &i| math::add(sum, math::scaled(value(i), share(i))))
+        };
+        match (cloud.weights(), total(cell)) {
+            (Some(weights), total) if total > 0.0 => sum_of(&|i| f64::from(weights[i]) / total),
+            _ => math::scaled(sum_of(&|_| 1.0), 1.0 / cell.len() as f64),
+        }
+    };
+    // Means of small local numbers, moved to the cloud's frame afterwards.
+    let local = |i: usize| cloud.points()[i].map(f64::from);
+    let points: Vec<_> =
+        members.iter().map(|cell| math::add(cloud.origin(), mean(cell, &local))).collect();
+    let normals = cloud.normals().map(|normals| {
+        let value = |i: usize| normals[i].map(f64::from);
+        members.iter().map(|cell| mean(cell, &value)).collect::<Vec<_>>()
+    });
+    let weights = cloud.weights().map(|_| members.iter().map(total).collect::<Vec<_>>());
+    let channels = cloud.channels().map(|values| {
+        let value = |i: usize| [f64::from(values[i]), 0.0, 0.0];
+        members.iter().map(|cell| mean(cell, &value)[0] as f32).collect()
+    });
+    let has = Attributes {
+        normals: normals.as_deref(),
+        weights: weights.as_deref(),
+        channels: Some(&channels),
+    };
+    cloud.replaced(&points, has)
+}
+
+/// The points of every occupied cube of side `size`, cubes in the order of their first point.
+///
+/// # Errors
+/// Those of [`voxel_grid`].
+pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
     if !(size > 0.0 && size.is_finite()) {
         return Err(Error::config(
             "voxel",
@@ -28,7 +71,7 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
             "must be above 0, in the unit of the coordinates",
         ));
     }
-    let Some((low, high)) = cloud.bounds() else { return Ok(cloud.clone()) };
+    let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     if longest / size > 4.6e18 {
         let rule = format!("is too small for a cloud {longest:e} long");
@@ -43,19 +86,7 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
         });
         members[cell].push(i);
     }
-    let mean = |cell: &Vec<usize>, value: &dyn Fn(usize) -> math::Vec3| {
-        let sum = cell.iter().fold([0.0; 3], |sum, &i| math::add(sum, value(i)));
-        math::scaled(sum, 1.0 / cell.len() as f64)
-    };
-    // Means of small local numbers, moved to the cloud's frame afterwards.
-    let local = |i: usize| cloud.points()[i].map(f64::from);
-    let points: Vec<_> =
-        members.iter().map(|cell| math::add(cloud.origin(), mean(cell, &local))).collect();
-    let normals = cloud.normals().map(|normals| {
-        let value = |i: usize| normals[i].map(f64::from);
-        members.iter().map(|cell| mean(cell, &value)).collect::<Vec<_>>()
-    });
-    cloud.replaced(&points, normals.as_deref())
+    Ok(members)
 }
 
 /// Points a cube by which cubes are counted.
@@ -127,6 +158,29 @@ mod tests {
         assert_eq!(thin.normals().unwrap(), [[0.0, 0.0, 1.0]; 3]);
         assert_eq!(voxel_grid(&line(10), 1e-3).unwrap().len(), 10);
         assert!(voxel_grid(&PointCloud::default(), 1.0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn weights_of_a_voxel_add_up_and_weigh_its_mean() {
+        let channels = crate::cloud::Channels::default();
+        let channels = channels.with("red", (0..10).map(|i| i as f32).collect()).unwrap();
+        let line = line(10).with_channels(channels).unwrap();
+        let plain = voxel_grid(&line, 4.0).unwrap();
+        assert_eq!(plain.channels().get("red"), Some(&[1.5, 5.5, 8.5][..]));
+        let mut weights = vec![0.0, 0.0, 1.0, 3.0, 2.0, 2.0, 2.0, 2.0, 0.0, 0.0];
+        let thin = |weights: &[f64]| {
+            voxel_grid(&line.clone().with_weights(weights.to_vec()).unwrap(), 4.0).unwrap()
+        };
+        let weighed = thin(&weights);
+        assert_eq!(weighed.weights(), Some(&[4.0, 8.0, 0.0][..]));
+        let x: Vec<f64> = weighed.positions().map(|p| p[0]).collect();
+        assert_eq!(x, [2.75, 5.5, 8.5]);
+        assert_eq!(weighed.channels().get("red"), Some(&[2.75, 5.5, 8.5][..]));
+        // One point of twice the weight is as good as two.
+        weights[2] = 6.0;
+        let twice = thin(&weights);
+        let x: Vec<f64> = twice.positions().map(|p| p[0]).collect();
+        assert!((x[0] - 21.0 / 9.0).abs() < 1e-6, "{x:?}");
     }
 
     #[test]

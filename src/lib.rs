@@ -23,5 +23,5 @@ pub mod search;
 pub mod visibility;
 pub mod weight;
 
-pub use cloud::{Descriptors, Mesh, PointCloud, Transform};
+pub use cloud::{Channels, Descriptors, Mesh, PointCloud, Transform};
 pub use error::{Error, Result};

@@ -83,7 +83,8 @@ fn errors_are_of_the_size_that_the_covariance_says() {
 
 #[test]
 fn motions_that_nothing_holds_are_named() {
-    let surfaces: [(&str, usize, fn(&mut Draw) -> Vec3); 4] = [
+    type Surface = fn(&mut Draw) -> Vec3;
+    let surfaces: [(&str, usize, Surface); 4] = [
         ("plane", 3, |draw| [draw.uniform(), draw.uniform(), 0.0]),
         ("sphere", 3, |draw| {
             loop {

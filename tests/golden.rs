@@ -341,6 +341,39 @@ fn every_kernel_and_normalisation_has_the_same_moments_and_pose() {
     }
 }
 
+#[derive(Deserialize)]
+struct PointWeights {
+    source_weights: Vec<f32>,
+    target_weights: Vec<f32>,
+}
+
+#[derive(Deserialize)]
+struct Normalized {
+    normalisation: Normalization,
+    #[serde(flatten)]
+    solved: Solved,
+}
+
+#[test]
+fn weights_of_points_have_the_same_moments_and_pose() {
+    let WeightsInput { beta, sides: Pair { source, target }, .. } = read("weights", "input");
+    let PointWeights { source_weights, target_weights } = read("point_weights", "input");
+    let clouds = [&source, &target].map(|side| PointCloud::new(&side.points).unwrap());
+    let rows = [&source, &target].map(|side| descriptors(&side.descriptors));
+    let connection =
+        FullConnection::new(described(&clouds[0], &rows[0]), described(&clouds[1], &rows[1]))
+            .unwrap()
+            .with_point_weights(Some(&source_weights), Some(&target_weights))
+            .unwrap();
+    let expected: Vec<Normalized> = read("point_weights", "expected");
+    assert_eq!(expected.len(), Normalization::NAMES.len());
+    for Normalized { normalisation, solved } in expected {
+        let scheme = WeightScheme::Gaussian;
+        let found = connection.scheme_moments(scheme, beta, normalisation).unwrap();
+        solved.check(&found, MOMENTS_TIMES_BETA / beta, &format!("{normalisation}"));
+    }
+}
+
 // --- Poses ---------------------------------------------------------------------------
 
 #[derive(Deserialize)]

@@ -35,6 +35,7 @@ def cases():
     return {
         "surface_pair": surface_pair(pair),
         "weights": weights_case(pair),
+        "point_weights": point_weights_case(pair),
         "solve": solve_case(),
         "kernels": kernels_case(),
     }
@@ -90,6 +91,23 @@ def weights_case(pair):
         sums = ref.moments(weights, pair.source, pair.target)
         scheme = {"kernel": kernel, "normalisation": normalisation}
         expected.append({**scheme, **sums_and_pose(sums)})
+    return given, expected
+
+
+def point_weights_case(pair):
+    """The Gaussian with every normalisation, beside weights of the points, some of them 0."""
+    source, target = descriptors_of(pair)
+    rng = np.random.default_rng(5)
+    own = [as_f32(np.maximum(rng.uniform(-0.5, 3.0, POINTS), 0.0)) for _ in range(2)]
+    given = {"beta": WIDE_BETA, "source_weights": own[0], "target_weights": own[1]}
+    d2 = ref.squared_distances(source, target)
+    expected = []
+    for normalisation in NORMALISATIONS:
+        weights = ref.normalise(ref.weigh(d2, "gaussian", WIDE_BETA), normalisation)
+        sums = ref.moments(
+            weights, pair.source, pair.target, source_weights=own[0], target_weights=own[1]
+        )
+        expected.append({"normalisation": normalisation, **sums_and_pose(sums)})
     return given, expected
 
 

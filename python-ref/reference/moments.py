@@ -54,8 +54,18 @@ class Moments:
         return self.target_squares - self.target_sum @ self.target_sum / self.weight
 
 
-def moments(weights, source, target, source_origin=None, target_origin=None):
+def moments(
+    weights,
+    source,
+    target,
+    source_origin=None,
+    target_origin=None,
+    source_weights=None,
+    target_weights=None,
+):
     """The moments of (N, M) weights, source (N, 3) and target (M, 3).
+
+    Weights of the points, (N,) and (M,), multiply those of their pairs, normalised before.
 
     Origins default to the clouds' unweighted means: far from the origin second
     moments would lose digits.
@@ -65,6 +75,10 @@ def moments(weights, source, target, source_origin=None, target_origin=None):
     source_origin = source.mean(axis=0) if source_origin is None else np.array(source_origin)
     target_origin = target.mean(axis=0) if target_origin is None else np.array(target_origin)
     p, q = source - source_origin, target - target_origin
+    if source_weights is not None:
+        weights = np.asarray(source_weights, dtype=np.float64)[:, None] * weights
+    if target_weights is not None:
+        weights = weights * np.asarray(target_weights, dtype=np.float64)
     by_source, by_target = weights.sum(axis=1), weights.sum(axis=0)
     return Moments(
         weight=float(weights.sum()),

@@ -27,6 +27,8 @@ struct Facts {
     points: usize,
     dropped: usize,
     normals: bool,
+    weights: bool,
+    channels: Vec<String>,
     viewpoint: Option<[f64; 3]>,
     low: Option<[f64; 3]>,
     high: Option<[f64; 3]>,
@@ -45,6 +47,8 @@ impl Info {
                 points: cloud.len(),
                 dropped: cloud.dropped(),
                 normals: cloud.normals().is_some(),
+                weights: cloud.weights().is_some(),
+                channels: cloud.channels().names().map(String::from).collect(),
                 viewpoint: cloud.viewpoint(),
                 low: bounds.map(|(low, _)| low),
                 high: bounds.map(|(_, high)| high),
@@ -70,6 +74,12 @@ impl Facts {
             format!("  points      {} ({} left out: NaN or infinite)", self.points, self.dropped),
             format!("  normals     {}", if self.normals { "yes" } else { "no" }),
         ];
+        if self.weights {
+            lines.push("  weights     yes".into());
+        }
+        if !self.channels.is_empty() {
+            lines.push(format!("  channels    {}", self.channels.join(", ")));
+        }
         if let Some(at) = self.viewpoint {
             lines.push(format!("  viewpoint   {at:?}"));
         }

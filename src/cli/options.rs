@@ -80,6 +80,10 @@ pub(super) struct MethodOptions {
     /// not to be the first scale's: their descriptors are put beside
     #[arg(long, value_name = "K[:NORMALS],..", value_delimiter = ',')]
     more_neighbors: Vec<String>,
+    /// Compare points by these channels of the clouds too, as intensity:0.5,red,green,blue; a
+    /// share of 1 (the default) matters as much as the whole shape
+    #[arg(long, value_name = "NAME[:SHARE],..", value_delimiter = ',')]
+    channels: Vec<String>,
     /// Nearest points for normals [default: as for descriptors]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,
@@ -167,6 +171,9 @@ impl MethodOptions {
         add("radius", self.radius.map(number));
         if !self.more_neighbors.is_empty() {
             add("more_neighbors", Some(json!(self.more_neighbors)));
+        }
+        if !self.channels.is_empty() {
+            add("channels", Some(json!(self.channels)));
         }
         add("normal_neighbors", self.normal_neighbors.map(Value::from));
         if let Some(text) = &self.orientation {

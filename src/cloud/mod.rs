@@ -1,13 +1,15 @@
-//! Data types that everything shares: [`PointCloud`], [`Mesh`], [`Transform`],
-//! [`Descriptors`].
+//! Data types that everything shares: [`PointCloud`] with its [`Channels`], [`Mesh`],
+//! [`Transform`], [`Descriptors`].
 
+mod channels;
 mod descriptors;
 mod mesh;
 mod point_cloud;
 mod transform;
 mod visible;
 
+pub use channels::Channels;
 pub use descriptors::Descriptors;
 pub use mesh::{MOST_POINTS, Mesh};
-pub use point_cloud::{Parts, PointCloud};
+pub use point_cloud::{Attributes, Parts, PointCloud};
 pub use transform::Transform;

@@ -1,10 +1,13 @@
 //! Points with an f64 origin, so that map coordinates lose nothing in f32.
 
-use crate::cloud::Transform;
+use std::borrow::Cow;
+
+use crate::cloud::{Channels, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// Points, optionally with unit normals and the place they were seen from.
+/// Points, optionally with unit normals, weights, named channels and the place they were seen
+/// from.
 ///
 /// Point `i` is at `origin + points[i]`: coordinates are kept in f32 relative to an
 /// f64 origin near the cloud. The origin is the centre of the bounding box rounded
@@ -20,8 +23,22 @@ pub struct PointCloud {
     origin: Vec3,
     frame_origin: Vec3,
     normals: Option<Vec<[f32; 3]>>,
+    weights: Option<Vec<f32>>,
+    channels: Channels,
     viewpoint: Option<Vec3>,
     dropped: usize,
+}
+
+/// What points may have beside their place: one row for each point that is handed in, also for
+/// those that will be dropped.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Attributes<'a> {
+    /// As of [`PointCloud::with_normals`].
+    pub normals: Option<&'a [Vec3]>,
+    /// As of [`PointCloud::with_weights`].
+    pub weights: Option<&'a [f64]>,
+    /// As of [`PointCloud::with_channels`].
+    pub channels: Option<&'a Channels>,
 }
 
 /// A [`PointCloud`] taken apart; each field is what the method of its name returns.
@@ -32,6 +49,8 @@ pub struct Parts {
     pub origin: Vec3,
     pub frame_origin: Vec3,
     pub normals: Option<Vec<[f32; 3]>>,
+    pub weights: Option<Vec<f32>>,
+    pub channels: Channels,
     pub viewpoint: Option<Vec3>,
     pub dropped: usize,
 }
@@ -71,26 +90,48 @@ impl PointCloud {
     /// [`Error::Shape`] when the lengths differ, [`Error::Extent`] as for
     /// [`new`](Self::new).
     pub fn with_normals(points: &[[f64; 3]], normals: &[[f64; 3]]) -> Result<Self> {
-        if points.len() != normals.len() {
-            return Err(Error::Shape {
-                what: "normals for the points of a cloud".into(),
-                expected: points.len(),
-                found: normals.len(),
-            });
-        }
+        Self::with_attributes(points, Attributes { normals: Some(normals), ..Default::default() })
+    }
+
+    /// A cloud with what its points have beside their place, in the same order. What is dropped
+    /// takes its normal, its weight and its channels along.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when there is not one row a point, and those of [`new`](Self::new) and
+    /// [`with_weights`](Self::with_weights).
+    pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
+        let Attributes { normals, weights, channels } = attributes;
+        let number = |what: &str, found: usize| match found == points.len() {
+            true => Ok(()),
+            false => {
+                let what = format!("{what} for the points of a cloud");
+                Err(Error::Shape { what, expected: points.len(), found })
+            }
+        };
+        normals.map_or(Ok(()), |normals| number("normals", normals.len()))?;
+        weights.map_or(Ok(()), |weights| number("weights", weights.len()))?;
+        channels.map_or(Ok(()), |channels| channels.check(points.len()))?;
         let mut cloud = Self::new(points)?;
-        let kept = points.iter().zip(normals).filter(|(p, _)| p.iter().all(|x| x.is_finite()));
-        cloud.normals = Some(kept.map(|(_, &n)| unit(n)).collect());
-        Ok(cloud)
+        let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
+        let kept: Vec<usize> = (0..points.len()).filter(finite).collect();
+        cloud.normals = normals.map(|normals| kept.iter().map(|&i| unit(normals[i])).collect());
+        if let Some(channels) = channels {
+            cloud.channels = channels.map(|values| kept.iter().map(|&i| values[i]).collect());
+        }
+        match weights {
+            Some(weights) => cloud.with_weights(kept.iter().map(|&i| weights[i]).collect()),
+            None => Ok(cloud),
+        }
     }
 
     /// The cloud put together from what [`parts`](Self::parts) took apart, bit for bit.
     ///
     /// # Errors
     /// [`Error::NonFinite`] for a value that no cloud has, [`Error::Shape`] when there is not
-    /// one normal a point.
+    /// one normal, weight or value of a channel a point, [`Error::Config`] for a weight below 0.
     pub fn from_parts(parts: Parts) -> Result<Self> {
-        let Parts { points, origin, frame_origin, normals, viewpoint, dropped } = parts;
+        let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
+            parts;
         let vectors = points.iter().chain(normals.iter().flatten());
         if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {
             return Err(Error::NonFinite { what: "the parts of a cloud".into(), index });
@@ -99,20 +140,44 @@ impl PointCloud {
         if places.iter().flatten().flatten().any(|x| !x.is_finite()) {
             return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
         }
-        match normals.as_ref().filter(|normals| normals.len() != points.len()) {
-            None => Ok(PointCloud { points, origin, frame_origin, normals, viewpoint, dropped }),
-            Some(normals) => Err(Error::Shape {
-                what: "normals for the points of a cloud".into(),
-                expected: points.len(),
-                found: normals.len(),
-            }),
+        channels.check(points.len())?;
+        let numbers = [
+            ("normals", normals.as_ref().map(Vec::len)),
+            ("weights", weights.as_ref().map(Vec::len)),
+        ];
+        for (name, found) in numbers {
+            if let Some(found) = found.filter(|&found| found != points.len()) {
+                let what = format!("{name} for the points of a cloud");
+                return Err(Error::Shape { what, expected: points.len(), found });
+            }
         }
+        weights.as_deref().map_or(Ok(()), check_weights)?;
+        let cloud = PointCloud {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+        };
+        Ok(cloud)
     }
 
     /// All that the cloud consists of, to be kept elsewhere.
     pub fn parts(&self) -> Parts {
-        let PointCloud { points, origin, frame_origin, normals, viewpoint, dropped } = self.clone();
-        Parts { points, origin, frame_origin, normals, viewpoint, dropped }
+        let PointCloud {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+        } = self.clone();
+        Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped }
     }
 
     fn from_finite(points: impl Iterator<Item = Vec3> + Clone, given: usize) -> Result<Self> {
@@ -154,6 +219,43 @@ impl PointCloud {
         Ok(self)
     }
 
+    /// Sets how much each point counts: a weight of 2 is as good as having the point twice, 0 as
+    /// not connecting it. Every method honours them, as its description says; only their ratios
+    /// within a cloud matter. One for each point that is there: points that were dropped have
+    /// none ([`with_attributes`](Self::with_attributes) takes all).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when there is not one weight a point, [`Error::NonFinite`] for one that
+    /// is not finite in f32, [`Error::Config`] for one below 0, or when all are 0.
+    ///
+    /// ```
+    /// let cloud = cfreg::PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]])?;
+    /// assert_eq!(cloud.with_weights(vec![0.5, 2.0])?.weights(), Some(&[0.5, 2.0][..]));
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self> {
+        if weights.len() != self.len() {
+            let what = "weights for the points of a cloud".into();
+            return Err(Error::Shape { what, expected: self.len(), found: weights.len() });
+        }
+        let weights: Vec<f32> = weights.into_iter().map(|weight| weight as f32).collect();
+        check_weights(&weights)?;
+        if !weights.is_empty() && weights.iter().all(|&weight| weight == 0.0) {
+            return Err(Error::config("weights", 0, "one at least must be above 0"));
+        }
+        self.weights = Some(weights);
+        Ok(self)
+    }
+
+    /// The cloud with other channels in place of its own, one value a point that is there.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when a channel has not one value a point.
+    pub fn with_channels(self, channels: Channels) -> Result<Self> {
+        channels.check(self.len())?;
+        Ok(PointCloud { channels, ..self })
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.points.len()
@@ -191,6 +293,45 @@ impl PointCloud {
     /// whose normal is undefined.
     pub fn normals(&self) -> Option<&[[f32; 3]]> {
         self.normals.as_deref()
+    }
+
+    /// How much each point counts, finite and 0 or more, if the cloud says so; else all alike.
+    pub fn weights(&self) -> Option<&[f32]> {
+        self.weights.as_deref()
+    }
+
+    /// Weights in shares of their mean, so that only their ratios matter; `None` without
+    /// weights, and where all that are left are 0.
+    pub(crate) fn relative_weights(&self) -> Option<Vec<f32>> {
+        let weights = self.weights()?;
+        let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
+        let share = weights.len() as f64 / sum;
+        let relative = |&weight: &f32| (f64::from(weight) * share) as f32;
+        Some(match sum > 0.0 {
+            true => weights.iter().map(relative).collect(),
+            false => weights.to_vec(),
+        })
+    }
+
+    /// The points that count: the cloud itself, without those of weight 0.
+    pub(crate) fn counting(&self) -> Cow<'_, PointCloud> {
+        match self.weights() {
+            Some(weights) if weights.contains(&0.0) => {
+                let above: Vec<usize> = (0..self.len()).filter(|&i| weights[i] > 0.0).collect();
+                Cow::Owned(self.select(&above))
+            }
+            _ => Cow::Borrowed(self),
+        }
+    }
+
+    /// The same without weights.
+    pub(crate) fn unweighted(&self) -> PointCloud {
+        PointCloud { weights: None, ..self.clone() }
+    }
+
+    /// Numbers of the points by name; empty where there are none.
+    pub fn channels(&self) -> &Channels {
+        &self.channels
     }
 
     /// Where the cloud was seen from, in its own frame, if it says so.
@@ -237,34 +378,31 @@ impl PointCloud {
         math::add(self.origin, math::scaled(sum, 1.0 / self.len().max(1) as f64))
     }
 
-    /// The points named by `indices`, in that order, normals alike.
+    /// The points named by `indices`, in that order; normals, weights and channels alike.
     /// [`dropped`](Self::dropped) and the origin stay.
     ///
     /// # Panics
     /// When an index is not below [`len`](Self::len).
     pub fn select(&self, indices: &[usize]) -> PointCloud {
         let pick = |values: &[[f32; 3]]| indices.iter().map(|&i| values[i]).collect();
+        let pick_numbers =
+            |values: &[f32]| -> Vec<f32> { indices.iter().map(|&i| values[i]).collect() };
         PointCloud {
             points: pick(&self.points),
             normals: self.normals.as_deref().map(pick),
+            weights: self.weights().map(pick_numbers),
+            channels: self.channels.map(pick_numbers),
             ..*self
         }
     }
 
-    /// Other points, and normals, in the place of these: viewpoint, frame and
+    /// Other points, with what they have, in the place of these: viewpoint, frame and
     /// [`dropped`](Self::dropped) stay.
     ///
     /// # Errors
-    /// Those of [`with_normals`](Self::with_normals).
-    pub fn replaced(
-        &self,
-        points: &[[f64; 3]],
-        normals: Option<&[[f64; 3]]>,
-    ) -> Result<PointCloud> {
-        let new = match normals {
-            Some(normals) => Self::with_normals(points, normals)?,
-            None => Self::new(points)?,
-        };
+    /// Those of [`with_attributes`](Self::with_attributes).
+    pub fn replaced(&self, points: &[[f64; 3]], has: Attributes<'_>) -> Result<PointCloud> {
+        let new = Self::with_attributes(points, has)?;
         Ok(PointCloud {
             frame_origin: self.frame_origin,
             viewpoint: self.viewpoint,
@@ -273,7 +411,7 @@ impl PointCloud {
         })
     }
 
-    /// The cloud moved by `transform`: points, normals and viewpoint.
+    /// The cloud moved by `transform`: points, normals and viewpoint; weights and channels stay.
     ///
     /// # Errors
     /// [`Error::Extent`] when a scale takes it out of range.
@@ -282,10 +420,23 @@ impl PointCloud {
         let rotate = |n: &[f32; 3]| transform.rotate(n.map(f64::from)).map(|x| x as f32);
         Ok(PointCloud {
             normals: self.normals.as_ref().map(|normals| normals.iter().map(rotate).collect()),
+            weights: self.weights.clone(),
+            channels: self.channels.clone(),
             viewpoint: self.viewpoint.map(|v| transform.apply(v)),
             dropped: self.dropped,
             ..Self::from_finite(moved, self.len())?
         })
+    }
+}
+
+/// Refuses what is no weight.
+fn check_weights(weights: &[f32]) -> Result<()> {
+    if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
+        return Err(Error::NonFinite { what: "weights of the points of a cloud".into(), index });
+    }
+    match weights.iter().find(|&&weight| weight < 0.0) {
+        Some(weight) => Err(Error::config("weights", weight, "must be 0 or more")),
+        None => Ok(()),
     }
 }
 
@@ -431,5 +582,38 @@ mod tests {
         assert_eq!(cloud.normals().unwrap(), [[0.0, 0.0, 1.0], [0.0; 3]]);
         assert_eq!(cloud.select(&[1]).normals().unwrap(), [[0.0; 3]]);
         assert!(PointCloud::with_normals(&points, &normals[..2]).is_err());
+    }
+
+    #[test]
+    fn what_points_have_stays_with_them() {
+        let points = [[0.0; 3], [f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        let channels = Channels::default().with("red", vec![0.1, 0.2, 0.3, 0.4]).unwrap();
+        let weights = [1.0, -5.0, 0.0, 4.0];
+        let has =
+            Attributes { weights: Some(&weights), channels: Some(&channels), ..Default::default() };
+        let cloud = PointCloud::with_attributes(&points, has).unwrap();
+        assert_eq!(cloud.weights(), Some(&[1.0, 0.0, 4.0][..]));
+        assert_eq!(cloud.channels().get("red"), Some(&[0.1, 0.3, 0.4][..]));
+        let turned = cloud.transformed(&Transform::from_rotation_vector([1.0, 0.0, 2.0])).unwrap();
+        let back = turned.select(&[2, 0]);
+        assert_eq!(back.weights(), Some(&[4.0, 1.0][..]));
+        assert_eq!(back.channels().get("red"), Some(&[0.4, 0.1][..]));
+        assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
+        assert_eq!(cloud.counting().len(), 2);
+        assert_eq!(back.relative_weights().unwrap(), [1.6, 0.4]);
+    }
+
+    #[test]
+    fn what_is_no_weight_is_refused() {
+        let cloud = PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]]).unwrap();
+        let refused = |weights: [f64; 2]| cloud.clone().with_weights(weights.to_vec()).unwrap_err();
+        assert!(matches!(refused([1.0, f64::NAN]), Error::NonFinite { index: 1, .. }));
+        assert!(matches!(refused([1e39, 1.0]), Error::NonFinite { index: 0, .. }));
+        assert_eq!(refused([1.0, -2.0]).to_string(), "weights = -2: must be 0 or more");
+        assert!(matches!(refused([0.0, 0.0]), Error::Config { field: "weights", .. }));
+        assert!(matches!(cloud.clone().with_weights(vec![1.0]), Err(Error::Shape { .. })));
+        let mut parts = cloud.parts();
+        parts.weights = Some(vec![1.0, -1.0]);
+        assert!(PointCloud::from_parts(parts).is_err());
     }
 }

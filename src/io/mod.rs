@@ -3,8 +3,13 @@
 //! [`read`] takes PLY, PCD and text, told apart by content, [`read_mesh`] the faces of PLY
 //! too; [`write()`] goes by the extension. Coordinates pass through f64, so map coordinates stay exact; points
 //! with a NaN or infinite coordinate are left out and counted by
-//! [`PointCloud::dropped`]. Columns other than the position and the normal
-//! (colours, intensities, faces) are skipped.
+//! [`PointCloud::dropped`].
+//!
+//! A column called `weight` has the weights of the points; every other scalar that has a name
+//! becomes a channel ([`PointCloud::channels`]) as it is, but colours in bytes, and PCD's packed
+//! `rgb` and `rgba`, become `red`, `green` and `blue` from 0 to 1. A column with anything that is
+//! not a finite number at a point that is kept, or without the name of a channel, is skipped, as
+//! lists and faces are.
 //!
 //! A file is not believed: a count in a header is weighed against the bytes that
 //! are there before memory is taken for it, and whatever is wrong is an
@@ -96,7 +101,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
 ///
 /// Coordinates are written as float when the cloud's origin is zero and as double
 /// otherwise; either way [`read`] gets back every position. Normals are written when
-/// there are any. The viewpoint is kept by PCD only, and there zero stands for
+/// there are any, and so are weights and channels, as float. The viewpoint is kept by PCD only, and there zero stands for
 /// "not known". The count of dropped points is not kept.
 ///
 /// # Errors

@@ -10,9 +10,11 @@
 use std::collections::HashMap;
 use std::io::{self, Read, Write};
 
-use pcd_rs::{DataKind, DynReader, Field, PcdMeta};
+use pcd_rs::{DataKind, DynReader, Field, PcdMeta, ValueKind};
 
-use super::table::{Columns, Fault, Lines, Table, check_claim, is_single, shown, write_binary};
+use super::table::{
+    Columns, Fault, Kind, Lines, Table, check_claim, extra_names, is_single, shown, write_binary,
+};
 use crate::cloud::PointCloud;
 
 /// The longest header that is read, bytes.
@@ -36,9 +38,15 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     let fields = || meta.field_defs.iter().filter(|field| !field.is_padding());
     let names = fields().map(|field| if field.count == 1 { field.name.as_str() } else { "" });
     let columns = Columns::named(names).map_err(|what| head.at("FIELDS", what))?;
+    let kinds: Vec<ValueKind> = fields().map(|field| field.kind).collect();
+    let columns = columns.of_kinds(|name, column| match kinds[column] {
+        ValueKind::F32 if is_packed(name) => Kind::PackedFloat,
+        ValueKind::U32 | ValueKind::I32 if is_packed(name) => Kind::Packed,
+        _ => Kind::Of(1.0),
+    });
 
     let table = match (count, meta.data) {
-        (0, _) => Table::new(0, columns.has_normals()),
+        (0, _) => Table::new(0, &columns),
         (_, DataKind::Ascii) => parse_ascii(content, &head, &meta, &columns)?,
         (_, DataKind::Binary) => {
             let left = content.len() - head.bytes;
@@ -56,13 +64,21 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     Ok(table.seen_from((viewpoint != [0.0; 3]).then_some(viewpoint)))
 }
 
+/// Whether a field of four bytes has red, green and blue in one each.
+fn is_packed(name: &str) -> bool {
+    ["rgb", "rgba"].iter().any(|packed| packed.eq_ignore_ascii_case(name))
+}
+
 /// Writes a binary file.
 pub(super) fn write(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
-    let row = |coordinate: &str, normal: &str| match cloud.normals() {
-        Some(_) => [[coordinate; 3], [normal; 3]].as_flattened().join(" "),
-        None => [coordinate; 3].join(" "),
+    let normals = if cloud.normals().is_some() { 3 } else { 0 };
+    let extras = extra_names(cloud);
+    let row = |coordinate: &'static str, other: &'static str| {
+        [&[coordinate; 3][..], &vec![other; normals + extras.len()]].concat().join(" ")
     };
-    let names = if cloud.normals().is_some() { " normal_x normal_y normal_z" } else { "" };
+    let normals = ["normal_x", "normal_y", "normal_z"].into_iter().take(normals);
+    let names: String =
+        normals.chain(extras.iter().copied()).map(|name| format!(" {name}")).collect();
     let size = if is_single(cloud) { "4" } else { "8" };
     let [x, y, z] = cloud.viewpoint().unwrap_or_default();
     writeln!(out, "# .PCD v.7 - Point Cloud Data file format\nVERSION .7")?;
@@ -185,10 +201,19 @@ fn parse_binary(content: &[u8], head: &Head, columns: &Columns) -> Result<Table,
     let refuse = |error| Fault::byte(head.bytes, format!("the points cannot be read: {error}"));
     let whole = head.text.as_bytes().chain(&content[head.bytes..]);
     let records = DynReader::from_reader(whole).map_err(refuse)?;
-    let mut table = Table::new(records.size_hint().0, columns.has_normals());
+    // As bits: on the way through f64 those that are a NaN would change.
+    let columns = columns.clone().of_kinds(|_, column| match columns.kind(column) {
+        Some(Kind::PackedFloat) => Kind::Packed,
+        kind => kind.unwrap_or(Kind::Of(1.0)),
+    });
+    let value = |column, field: &Field| match (columns.kind(column), field) {
+        (Some(Kind::Packed), Field::F32(values)) => values.first().map(|x| x.to_bits().into()),
+        _ => first_value(field),
+    };
+    let mut table = Table::new(records.size_hint().0, &columns);
     for record in records {
         let record = record.map_err(refuse)?;
-        let vertex = columns.vertex(|column| first_value(record.0.get(column)?));
+        let vertex = columns.vertex(|column| value(column, record.0.get(column)?));
         table.push(vertex.ok_or_else(|| Fault::byte(head.bytes, "a point lacks a coordinate"))?);
     }
     Ok(table)
@@ -233,7 +258,7 @@ fn parse_ascii(
     }
     let columns = columns.moved(|field| first_words.get(field).copied());
 
-    let mut table = Table::new(count, columns.has_normals());
+    let mut table = Table::new(count, &columns);
     let mut words = Vec::new();
     for index in 0..count {
         let Some(line) = lines.next() else {

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::cloud::PointCloud;
+use crate::cloud::{Attributes, Channels, PointCloud};
 use crate::error::{Error, Result};
 use crate::math::Vec3;
 
@@ -38,17 +38,37 @@ impl Fault {
     }
 }
 
-/// The six numbers of a row that matter: x, y, z, then the normal.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Vertex([f64; 6]);
+/// The numbers of a row: x, y, z, the normal, then what else there is, in the order of its columns.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Vertex([f64; 6], Vec<f64>);
 
 impl Vertex {
-    /// Keeps `value` if a column called `name` matters.
+    /// Keeps the `value` of a column called `name`.
     pub fn set(&mut self, name: &str, value: f64) {
-        if let Some(slot) = slot(name) {
-            self.0[slot] = value;
+        match slot(name) {
+            Some(slot) => self.0[slot] = value,
+            None => self.1.push(value),
         }
     }
+}
+
+/// What the numbers of a column beside positions and normals are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    /// Shares of a number: 1 for numbers that stand for themselves, 255 for bytes of colour.
+    Of(f64),
+    /// The bits of a whole number: blue in the lowest byte, then green and red.
+    Packed,
+    /// The same in the bits of a float.
+    PackedFloat,
+}
+
+/// A column beside positions and normals.
+#[derive(Debug, Clone)]
+pub(super) struct Extra {
+    name: String,
+    column: usize,
+    kind: Kind,
 }
 
 /// What the columns of each slot of a [`Vertex`] are called, in any case.
@@ -67,24 +87,29 @@ pub(super) fn slot(name: &str) -> Option<usize> {
 }
 
 /// Which columns hold the numbers of a [`Vertex`].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Columns([Option<usize>; 6]);
+#[derive(Debug, Clone)]
+pub(super) struct Columns([Option<usize>; 6], Vec<Extra>);
 
 impl Columns {
     /// x, y, z first.
-    pub const XYZ: Columns = Columns([Some(0), Some(1), Some(2), None, None, None]);
+    pub const XYZ: Columns = Columns([Some(0), Some(1), Some(2), None, None, None], Vec::new());
     /// x, y, z first, then the normal.
-    pub const XYZ_NORMAL: Columns = Columns([Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)]);
+    pub const XYZ_NORMAL: Columns =
+        Columns([Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)], Vec::new());
 
     /// Finds the columns by their names; a normal counts when it is there in full.
-    /// The error says which name is missing, or there twice.
+    /// Other columns that have a name are kept too. The error says which name is missing, or
+    /// there twice.
     pub fn named<'a>(names: impl Iterator<Item = &'a str>) -> Result<Columns, String> {
-        let mut columns = [None; 6];
-        for (index, name) in names.enumerate() {
-            if let Some(slot) = slot(name)
-                && columns[slot].replace(index).is_some()
-            {
-                return Err(format!("{} is there twice", SLOTS[slot][0]));
+        let (mut columns, mut extras) = ([None; 6], Vec::new());
+        for (column, name) in names.enumerate() {
+            match slot(name) {
+                Some(slot) if columns[slot].replace(column).is_some() => {
+                    return Err(format!("{} is there twice", SLOTS[slot][0]));
+                }
+                Some(_) => {}
+                None if name.is_empty() => {}
+                None => extras.push(Extra { name: name.into(), column, kind: Kind::Of(1.0) }),
             }
         }
         if let Some(missing) = (0..3).find(|&slot| columns[slot].is_none()) {
@@ -93,7 +118,20 @@ impl Columns {
         if columns.contains(&None) {
             columns[3..].fill(None);
         }
-        Ok(Columns(columns))
+        Ok(Columns(columns, extras))
+    }
+
+    /// The same columns, the numbers of the others as `kind` says by name and column.
+    pub fn of_kinds(mut self, kind: impl Fn(&str, usize) -> Kind) -> Columns {
+        for extra in &mut self.1 {
+            extra.kind = kind(&extra.name, extra.column);
+        }
+        self
+    }
+
+    /// The kind of a column beside positions and normals.
+    pub fn kind(&self, column: usize) -> Option<Kind> {
+        self.1.iter().find(|extra| extra.column == column).map(|extra| extra.kind)
     }
 
     /// Whether rows have a normal.
@@ -103,10 +141,15 @@ impl Columns {
 
     /// The same columns, each moved to where `place` says.
     pub fn moved(&self, place: impl Fn(usize) -> Option<usize>) -> Columns {
-        Columns(self.0.map(|column| column.and_then(&place)))
+        let moved = |extra: &Extra| {
+            Some(Extra { column: place(extra.column)?, name: extra.name.clone(), kind: extra.kind })
+        };
+        let extras = self.1.iter().filter_map(moved).collect();
+        Columns(self.0.map(|column| column.and_then(&place)), extras)
     }
 
-    /// The vertex whose numbers `value` gives column by column.
+    /// The vertex whose numbers `value` gives column by column; of positions and normals all
+    /// must be there, of others a word that is no number is NaN.
     pub fn vertex(&self, value: impl Fn(usize) -> Option<f64>) -> Option<Vertex> {
         let mut vertex = Vertex::default();
         for (slot, column) in self.0.iter().enumerate() {
@@ -114,6 +157,7 @@ impl Columns {
                 vertex.0[slot] = value(column)?;
             }
         }
+        vertex.1.extend(self.1.iter().map(|extra| value(extra.column).unwrap_or(f64::NAN)));
         Some(vertex)
     }
 
@@ -144,14 +188,18 @@ impl Columns {
 pub(super) struct Table {
     points: Vec<Vec3>,
     normals: Option<Vec<Vec3>>,
+    /// The other columns, and their numbers.
+    extras: Vec<(Extra, Vec<f64>)>,
     viewpoint: Option<Vec3>,
 }
 
 impl Table {
-    /// No row yet, room for `capacity`.
-    pub fn new(capacity: usize, has_normals: bool) -> Self {
-        let normals = has_normals.then(|| Vec::with_capacity(capacity));
-        Table { points: Vec::with_capacity(capacity), normals, viewpoint: None }
+    /// No row of these columns yet, room for `capacity`.
+    pub fn new(capacity: usize, columns: &Columns) -> Self {
+        let normals = columns.has_normals().then(|| Vec::with_capacity(capacity));
+        let extra = |extra: &Extra| (extra.clone(), Vec::with_capacity(capacity));
+        let extras = columns.1.iter().map(extra).collect();
+        Table { points: Vec::with_capacity(capacity), normals, extras, viewpoint: None }
     }
 
     /// The table as seen from `viewpoint`.
@@ -160,10 +208,13 @@ impl Table {
     }
 
     /// Adds a row.
-    pub fn push(&mut self, Vertex([x, y, z, nx, ny, nz]): Vertex) {
+    pub fn push(&mut self, Vertex([x, y, z, nx, ny, nz], others): Vertex) {
         self.points.push([x, y, z]);
         if let Some(normals) = &mut self.normals {
             normals.push([nx, ny, nz]);
+        }
+        for ((_, numbers), value) in self.extras.iter_mut().zip(others) {
+            numbers.push(value);
         }
     }
 
@@ -177,17 +228,76 @@ impl Table {
         self.points
     }
 
-    /// The cloud of these rows.
-    pub fn into_cloud(self) -> Result<PointCloud> {
-        let cloud = match &self.normals {
-            Some(normals) => PointCloud::with_normals(&self.points, normals)?,
-            None => PointCloud::new(&self.points)?,
+    /// The cloud of these rows: a column called weight has the weights of the points, others are
+    /// channels. One that has no name for a channel, or a number that f32 does not hold at a
+    /// point that does not drop out, is left out: nobody may have asked for it.
+    pub fn into_cloud(mut self) -> Result<PointCloud> {
+        let finite = |&i: &usize| self.points[i].iter().all(|x| x.is_finite());
+        let kept: Vec<usize> = (0..self.points.len()).filter(finite).collect();
+        let mut channels = Channels::default();
+        let mut weights = None;
+        for (extra, numbers) in std::mem::take(&mut self.extras) {
+            if extra.name.eq_ignore_ascii_case("weight") {
+                weights = weights.or(Some(numbers));
+                continue;
+            }
+            for (name, values) in extra.channels(&numbers) {
+                let holds = |&i: &usize| values[i].is_finite();
+                let named = Channels::is_name(&name) && channels.get(&name).is_none();
+                if named && kept.iter().all(holds) {
+                    // At rows that drop out, anything that is a number.
+                    let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
+                    let values = values.into_iter().map(finite).collect();
+                    channels = channels.with(&name, values)?;
+                }
+            }
+        }
+        let has = Attributes {
+            normals: self.normals.as_deref(),
+            weights: weights.as_deref(),
+            channels: Some(&channels),
         };
+        let cloud = PointCloud::with_attributes(&self.points, has)?;
         match self.viewpoint {
             Some(viewpoint) => cloud.with_viewpoint(viewpoint),
             None => Ok(cloud),
         }
     }
+}
+
+impl Extra {
+    /// The channels that the column is, by name: three of packed colours.
+    fn channels(self, numbers: &[f64]) -> Vec<(String, Vec<f32>)> {
+        let byte = |shift: u32, bits: u32| (f64::from((bits >> shift) & 255) / 255.0) as f32;
+        let bits = |&x: &f64| match self.kind {
+            Kind::PackedFloat => (x as f32).to_bits(),
+            _ => x as i64 as u32,
+        };
+        match self.kind {
+            Kind::Of(whole) => {
+                let share = |x: &f64| (x / whole) as f32;
+                vec![(self.name, numbers.iter().map(share).collect())]
+            }
+            Kind::Packed | Kind::PackedFloat => [("red", 16), ("green", 8), ("blue", 0)]
+                .map(|(name, shift)| {
+                    let colour = |x: &f64| if x.is_nan() { f32::NAN } else { byte(shift, bits(x)) };
+                    (name.to_string(), numbers.iter().map(colour).collect())
+                })
+                .into(),
+        }
+    }
+}
+
+/// Names of all columns beside positions and normals that a cloud is written with: `weight`,
+/// then the channels.
+pub(super) fn extra_names(cloud: &PointCloud) -> Vec<&str> {
+    cloud.weights().map(|_| "weight").into_iter().chain(cloud.channels().names()).collect()
+}
+
+/// Their values at point `i`, in that order.
+pub(super) fn extra_values(cloud: &PointCloud, i: usize) -> impl Iterator<Item = f32> + '_ {
+    let weight = cloud.weights().map(|weights| weights[i]);
+    weight.into_iter().chain(cloud.channels().iter().map(move |(_, values)| values[i]))
 }
 
 /// The lines that are not blank, trimmed, with their number from 1.
@@ -290,7 +400,7 @@ pub(super) fn is_single(cloud: &PointCloud) -> bool {
 }
 
 /// Writes the rows in binary, little endian: x, y, z as f32 or f64 as
-/// [`is_single`] says, then the normal as f32 if the cloud has normals.
+/// [`is_single`] says, then, as f32, the normal if the cloud has normals, and the others.
 pub(super) fn write_binary(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
     let single = is_single(cloud);
     for (i, (point, position)) in cloud.points().iter().zip(cloud.positions()).enumerate() {
@@ -302,6 +412,7 @@ pub(super) fn write_binary(out: &mut dyn Write, cloud: &PointCloud) -> io::Resul
         if let Some(normals) = cloud.normals() {
             write_floats(out, &normals[i])?;
         }
+        extra_values(cloud, i).try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
     }
     Ok(())
 }

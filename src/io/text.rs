@@ -2,7 +2,9 @@
 
 use std::io::{self, Write};
 
-use super::table::{Columns, Fault, Lines, Table, is_single, number, shown};
+use super::table::{
+    Columns, Fault, Lines, Table, extra_names, extra_values, is_single, number, shown,
+};
 use crate::cloud::PointCloud;
 
 /// What some editors put before UTF-8 text.
@@ -33,8 +35,9 @@ pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
             Some(table) => table,
             None if preamble.takes(&words, number)? => continue,
             None => {
-                let columns = preamble.columns(Some(words.len())).unwrap_or(default);
-                let empty = Table::new(0, columns.has_normals());
+                let columns = preamble.columns(Some(words.len()));
+                let columns = columns.unwrap_or_else(|| default.clone());
+                let empty = Table::new(0, &columns);
                 table.insert((columns, empty))
             }
         };
@@ -42,7 +45,7 @@ pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
     }
     let table = table
         .map(|(_, table)| table)
-        .unwrap_or_else(|| Table::new(0, preamble.columns(None).unwrap_or(default).has_normals()));
+        .unwrap_or_else(|| Table::new(0, &preamble.columns(None).unwrap_or(default)));
     match preamble.claimed {
         Some((line, count)) if count != table.len() as u64 => {
             let what = format!("the line claims {count} points, the file has {}", table.len());
@@ -106,10 +109,11 @@ pub(super) fn write(
     separator: &str,
 ) -> io::Result<()> {
     let single = is_single(cloud);
-    let names: &[&str] = match cloud.normals() {
-        Some(_) => &["x", "y", "z", "nx", "ny", "nz"],
-        None => &["x", "y", "z"],
+    let mut names = match cloud.normals() {
+        Some(_) => vec!["x", "y", "z", "nx", "ny", "nz"],
+        None => vec!["x", "y", "z"],
     };
+    names.extend(extra_names(cloud));
     writeln!(out, "{comment}{}", names.join(separator))?;
     for (i, ([x, y, z], position)) in cloud.points().iter().zip(cloud.positions()).enumerate() {
         if single {
@@ -122,6 +126,7 @@ pub(super) fn write(
             let [x, y, z] = normals[i];
             write!(out, "{separator}{x:?}{separator}{y:?}{separator}{z:?}")?;
         }
+        extra_values(cloud, i).try_for_each(|x| write!(out, "{separator}{x:?}"))?;
         writeln!(out)?;
     }
     Ok(())

@@ -23,6 +23,10 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 /// has no means against partial overlap: below about nine tenths (four fifths with
 /// [`multiscale`](Cf::multiscale)) the pose is pulled away, and the result says so.
 ///
+/// Weights of points ([`PointCloud::with_weights`]) multiply the weights of their connections
+/// once these are normalised ([`FullConnection::with_point_weights`]); points of any weight
+/// describe their surroundings.
+///
 /// ```
 /// use cfreg::{method::{Cf, Register}, weight::WeightScheme};
 /// # use cfreg::experiment::shape::boulder;
@@ -181,8 +185,9 @@ impl Cf {
         let mut times = Timings::default();
         let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
         let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
+        let [source_side, target_side] = self.describe.joined([source_side, target_side])?;
         let (connection, beta, moments) = times.time("moments", || {
-            let connection = FullConnection::new(source_side.described(), target_side.described())?;
+            let connection = source_side.connection(&target_side)?;
             let (moments, beta) = weigh(&connection)?;
             Ok::<_, crate::Error>((connection, beta, moments))
         })?;

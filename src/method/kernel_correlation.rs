@@ -32,6 +32,9 @@ const LAST_IN_RESOLUTIONS: f64 = 2.0;
 ///
 /// The objective of the trace is J at the pose that the step starts from; it grows while
 /// the bandwidth stays.
+///
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, a pair
+/// of others weighs aᵢ bⱼ w, in J too, with weights in shares of their cloud's mean.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct KernelCorrelation {
@@ -133,6 +136,7 @@ impl KernelCorrelation {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
+        let (source, target) = (&*source.counting(), &*target.counting());
         let mut times = Timings::default();
         let positions = times.time("prepare", || Positions::new(source, target))?;
         let unit = positions.unit();

@@ -17,6 +17,8 @@ pub(super) struct Positions<'a> {
     target: &'a PointCloud,
     /// The target's points in units, the embedding of the dense connections.
     embedded: Descriptors,
+    /// Weights of the points in shares of their mean, where the clouds have any.
+    weights: [Option<Vec<f32>>; 2],
     tree: SearchTree,
     unit: f64,
 }
@@ -28,7 +30,8 @@ impl<'a> Positions<'a> {
         let unit = unit(source, target)?;
         let embedded = embed(target.points(), unit)?;
         let tree = SearchTree::new(target.points())?;
-        Ok(Positions { source, target, embedded, tree, unit })
+        let weights = [source, target].map(PointCloud::relative_weights);
+        Ok(Positions { source, target, embedded, weights, tree, unit })
     }
 
     /// The target as it was handed in.
@@ -56,8 +59,27 @@ impl<'a> Positions<'a> {
         Ok(moved)
     }
 
-    /// The full connection by position at `pose`: squared distances are in squared
-    /// [`unit`](Self::unit)s.
+    /// How much a pair of points counts: 1 where neither cloud has weights.
+    pub(super) fn pair_weight(&self, source: usize, target: usize) -> f64 {
+        let [a, b] = &self.weights;
+        let of = |weights: &Option<Vec<f32>>, i: usize| {
+            weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
+        };
+        of(a, source) * of(b, target)
+    }
+
+    /// Weights of the source's points in shares of their mean, where it has any.
+    pub(super) fn source_weights(&self) -> Option<&[f32]> {
+        self.weights[0].as_deref()
+    }
+
+    /// Weights of the target's points in shares of their mean, where it has any.
+    pub(super) fn target_weights(&self) -> Option<&[f32]> {
+        self.weights[1].as_deref()
+    }
+
+    /// The full connection by position at `pose`, with the weights of the points: squared
+    /// distances are in squared [`unit`](Self::unit)s.
     ///
     /// # Errors
     /// Those of [`moved`](Self::moved).
@@ -68,7 +90,10 @@ impl<'a> Positions<'a> {
             origin: cloud.origin(),
             descriptors,
         };
-        FullConnection::new(side(self.source, &moved), side(self.target, &self.embedded))
+        let connection =
+            FullConnection::new(side(self.source, &moved), side(self.target, &self.embedded))?;
+        let [a, b] = &self.weights;
+        connection.with_point_weights(a.as_deref(), b.as_deref())
     }
 
     /// The nearest target point of every moved source point; distances in the target's

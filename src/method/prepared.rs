@@ -2,12 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::channels::{Channel, values_of};
 use super::registration::{Counts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
-use crate::moments::Described;
+use crate::moments::{Described, FullConnection};
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
@@ -30,6 +31,9 @@ pub struct Describe {
     pub orientation: Orientation,
     /// Whose FPFH: PCL's (default, the paper's) or Open3D's.
     pub histogram: HistogramScale,
+    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, as
+    /// intensity and colours; default none. Where shape alone is ambiguous they decide.
+    pub channels: Vec<Channel>,
 }
 
 /// One more scale at which points are described.
@@ -50,6 +54,7 @@ impl Default for Describe {
             normal_neighborhood: None,
             orientation: Orientation::default(),
             histogram: HistogramScale::default(),
+            channels: Vec::new(),
         }
     }
 }
@@ -59,7 +64,11 @@ impl Default for Describe {
 pub struct Prepared {
     points: Vec<[f32; 3]>,
     origin: [f64; 3],
-    descriptors: Descriptors,
+    pub(super) descriptors: Descriptors,
+    /// Of the points, in shares of the mean over the cloud, where it has any.
+    weights: Option<Vec<f32>>,
+    /// Values of [`Describe::channels`] at the points, until they are joined.
+    pub(super) channels: Vec<Vec<f32>>,
     counts: Counts,
 }
 
@@ -76,6 +85,7 @@ impl Describe {
                 other => other,
             })
         };
+        self.channels.iter().try_for_each(Channel::validate)?;
         self.neighborhood.validate()?;
         of("normal_neighbors", self.normal_neighborhood)?;
         self.more_scales.iter().try_for_each(|scale| {
@@ -88,8 +98,8 @@ impl Describe {
     ///
     /// # Errors
     /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no
-    /// point has a defined normal (all on a line or in one place), and those of
-    /// [`normals::estimate`].
+    /// point has a defined normal (all on a line or in one place), [`Error::Config`] when the
+    /// cloud lacks one of [`channels`](Self::channels), and those of [`normals::estimate`].
     pub fn prepare(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<Prepared> {
         self.prepare_at(cloud, name, None, times)
     }
@@ -113,6 +123,7 @@ impl Describe {
             let found = points.len();
             return Err(Error::TooFewPoints { what: name.into(), found, needed: 3 });
         }
+        let channels = values_of(&self.channels, cloud, name)?;
         let find = |neighborhood| Neighbors::find(points, neighborhood);
         let neighbors = times.time("neighbors", || find(self.neighborhood))?;
         // One search serves both where both ask the same; stored normals need none.
@@ -181,7 +192,10 @@ impl Describe {
             Neighborhood::Nearest(k) => Some(k.min(points.len())),
             Neighborhood::Radius(_) | Neighborhood::Hybrid { .. } => None,
         };
+        let at_points = |values: &[f32]| described.iter().map(|&at| values[rows[at]]).collect();
         Ok(Prepared {
+            weights: cloud.relative_weights().map(|weights| at_points(&weights)),
+            channels: channels.into_iter().map(at_points).collect(),
             points: described.iter().map(|&at| points[rows[at]]).collect(),
             origin: cloud.origin(),
             descriptors: Descriptors::beside(&tables)?.select(&described),
@@ -201,6 +215,20 @@ impl Prepared {
     /// One side of a full connection.
     pub fn described(&self) -> Described<'_> {
         Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    }
+
+    /// Weights of the points, in shares of the mean over the whole cloud, where it has any.
+    pub fn weights(&self) -> Option<&[f32]> {
+        self.weights.as_deref()
+    }
+
+    /// The full connection of two clouds, with the weights of their points.
+    ///
+    /// # Errors
+    /// Those of [`FullConnection::new`].
+    pub fn connection(&self, target: &Prepared) -> Result<FullConnection> {
+        FullConnection::new(self.described(), target.described())?
+            .with_point_weights(self.weights(), target.weights())
     }
 
     /// What became of the cloud's points.

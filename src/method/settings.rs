@@ -9,7 +9,7 @@ impl Method {
     /// The method with some of its settings replaced, each given by its name in the
     /// configuration's JSON (`config` of a registration) and a JSON value.
     ///
-    /// Some have a short form: `neighbors` and `radius` for `neighborhood`,
+    /// Some have a short form: `channels` as `["intensity:0.5", "red"]`, `neighbors` and `radius` for `neighborhood`,
     /// `normal_neighbors` for `normal_neighborhood`, `more_neighbors` for
     /// `more_scales` (`[200, 400]`, or `["200:50", "400:150"]` with as many for normals), `normalize` for `normalization`,
     /// `detector` for the name of a keypoint detector in `keypoints`, `viewpoint` for an `orientation` towards a place.
@@ -65,6 +65,10 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
             Value::Array(counts) => ("more_scales", counts.into_iter().map(scale).collect()),
             value => ("more_scales", json!([scale(value)])),
         },
+        "channels" => match value {
+            Value::Array(all) => ("channels", all.into_iter().map(channel).collect()),
+            value => ("channels", json!([channel(value)])),
+        },
         "detector" => match value {
             Value::String(name) => ("keypoints", json!({ name: {} })),
             value => ("keypoints", value),
@@ -87,6 +91,15 @@ fn scale(value: Value) -> Value {
             "neighborhood": nearest(count), "normal_neighborhood": nearest(normals)
         }),
         None => json!({ "neighborhood": { "nearest": value } }),
+    }
+}
+
+/// `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
+fn channel(value: Value) -> Value {
+    match value.as_str().map(|text| text.parse::<super::Channel>()) {
+        Some(Ok(channel)) => json!(channel),
+        Some(Err(error)) => json!({ "name": value, "share": error.to_string() }),
+        None => value,
     }
 }
 
@@ -126,6 +139,11 @@ mod tests {
         };
         let more = [scale(200, None), scale(300, None), scale(400, Some(150))];
         assert_eq!(cf.describe.more_scales, more);
+        let Method::Cf(cf) = set("channels", json!(["intensity:0.5", "red"])).unwrap() else {
+            panic!()
+        };
+        let channel = |name: &str, share| crate::method::Channel { name: name.into(), share };
+        assert_eq!(cf.describe.channels, [channel("intensity", 0.5), channel("red", 1.0)]);
         let Method::Cf(cf) = set("beta", "auto".into()).unwrap() else { panic!() };
         assert_eq!(cf.beta, Some(crate::weight::Bandwidth::Auto(0.25)));
         let Method::Cf(cf) = set("normalize", "sinkhorn:3".into()).unwrap() else { panic!() };
@@ -145,6 +163,12 @@ mod tests {
         for wrong in [json!("x"), json!([1.5]), json!("20:x"), json!("20:"), json!({})] {
             let message = message("more_neighbors", wrong);
             assert!(message.starts_with("more_neighbors = "), "{message}");
+        }
+        for wrong in
+            [json!("red:x"), json!([1]), json!(":1"), json!({ "name": "red", "share": "x" })]
+        {
+            let message = message("channels", wrong);
+            assert!(message.starts_with("channels = "), "{message}");
         }
         assert!(message("neighbors", (-1).into()).starts_with("neighbors = -1: "));
     }

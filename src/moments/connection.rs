@@ -56,6 +56,33 @@ pub(super) struct Side {
     pub(super) points: Vec<[f32; 3]>,
     pub(super) rows: Rows,
     panels: Panels,
+    weights: Option<PointWeights>,
+}
+
+/// Weights of a side's points as `scale` times numbers up to 1, so that f32 holds their products
+/// with others. A power of two: no digit changes.
+struct PointWeights {
+    shares: Vec<f32>,
+    scale: f64,
+}
+
+impl PointWeights {
+    fn new(weights: &[f32], points: usize, side: &str) -> Result<Self> {
+        let what = || format!("weights of the {side}'s points");
+        if weights.len() != points {
+            return Err(Error::Shape { what: what(), expected: points, found: weights.len() });
+        }
+        if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
+            return Err(Error::NonFinite { what: what(), index });
+        }
+        if let Some(weight) = weights.iter().find(|&&weight| weight < 0.0) {
+            return Err(Error::config("weights", weight, "must be 0 or more"));
+        }
+        let most = f64::from(weights.iter().fold(0.0f32, |most, &weight| most.max(weight)));
+        let scale = if most > 0.0 { 2f64.powi(most.log2().ceil() as i32) } else { 1.0 };
+        let shares = weights.iter().map(|&weight| (f64::from(weight) / scale) as f32).collect();
+        Ok(PointWeights { shares, scale })
+    }
 }
 
 impl Side {
@@ -82,6 +109,7 @@ impl Side {
             points: described.points.iter().map(centred).collect(),
             panels: rows.panels(),
             rows,
+            weights: None,
         })
     }
 }
@@ -104,6 +132,34 @@ impl FullConnection {
             source: Side::new(&source, &mean, "source")?,
             target: Side::new(&target, &mean, "target")?,
         })
+    }
+
+    /// The connection with how much each point counts: the weight of a pair becomes aᵢ bⱼ wᵢⱼ,
+    /// wᵢⱼ as it would be without, normalised if it is to be. Without normalisation a weight of 2
+    /// is as good as having the point twice, and 0 as leaving it out. `None`: all count alike.
+    ///
+    /// It holds for all moments, not for [`source_sums`](Self::source_sums),
+    /// [`target_sums`](Self::target_sums) and what is alike. With weights
+    /// [`scheme_moments_within`](Self::scheme_moments_within) leaves nothing out.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] unless there is one weight a point, [`Error::NonFinite`] and
+    /// [`Error::Config`] for one that is not finite or below 0.
+    pub fn with_point_weights(
+        mut self,
+        source: Option<&[f32]>,
+        target: Option<&[f32]>,
+    ) -> Result<Self> {
+        let made = |side: &Side, weights: Option<&[f32]>, name| {
+            weights.map(|weights| PointWeights::new(weights, side.rows.len(), name)).transpose()
+        };
+        self.source.weights = made(&self.source, source, "source")?;
+        self.target.weights = made(&self.target, target, "target")?;
+        Ok(self)
+    }
+
+    fn has_point_weights(&self) -> bool {
+        self.source.weights.is_some() || self.target.weights.is_some()
     }
 
     /// Number of connections N·M.
@@ -177,7 +233,7 @@ impl FullConnection {
     /// Σw is off by at most ε Σw, Σw p̃ by ε Σw max|p̃|, the cross moment by
     /// ε Σw max|p̃| max|q̃|, any sum Σw f by ε Σw max|f|; rounding to f32 comes on top, as
     /// without a tolerance. 0 leaves nothing out, bit for bit, and so do fewer than 5·10⁷
-    /// connections, which are as fast dense.
+    /// connections, which are as fast dense, and weights of points.
     ///
     /// # Errors
     /// Those of [`scheme_moments`](Self::scheme_moments), and of [`check_tolerance`].
@@ -189,7 +245,7 @@ impl FullConnection {
         tolerance: f64,
     ) -> Result<Moments> {
         check_tolerance(tolerance)?;
-        if tolerance == 0.0 || self.pairs() < skip::WORTH {
+        if tolerance == 0.0 || self.pairs() < skip::WORTH || self.has_point_weights() {
             return self.scheme_moments(scheme, beta, normalization);
         }
         let (moments, _) = self.skipping(scheme, beta, normalization, tolerance)?;
@@ -292,7 +348,47 @@ impl FullConnection {
         Ok((share * f64::from(median)).max(floor))
     }
 
+    /// Σ_i aᵢ w_ij of every target point, with the weights aᵢ of the source's points.
+    pub(crate) fn weighed_target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
+        let Some(PointWeights { shares, scale }) = &self.source.weights else {
+            return self.target_sums(kernel);
+        };
+        let scaling = Scaling::Target(shares);
+        let sums = row_sums(&self.target.rows, &self.source.panels, kernel, scaling);
+        sums.into_iter().map(|sum| scale * sum).collect()
+    }
+
+    /// Weighs all pairs, by the weights of their points too: these become part of the factors.
     fn weigh<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
+        if !self.has_point_weights() {
+            return self.weigh_pairs(kernel, scaling);
+        }
+        let shares = |side: &Side| match &side.weights {
+            Some(weights) => weights.shares.clone(),
+            None => vec![1.0; side.rows.len()],
+        };
+        let with = |factors: &[f32], mut shares: Vec<f32>| {
+            shares.iter_mut().zip(factors).for_each(|(share, factor)| *share *= factor);
+            shares
+        };
+        let (mut u, mut v) = (shares(&self.source), shares(&self.target));
+        match scaling {
+            Scaling::None => {}
+            Scaling::Source(factors) => u = with(factors, u),
+            Scaling::Target(factors) => v = with(factors, v),
+            Scaling::Product(rows, columns) | Scaling::Dual(rows, columns) => {
+                (u, v) = (with(rows, u), with(columns, v));
+            }
+        }
+        let scaling = match scaling {
+            Scaling::Dual(..) => Scaling::Dual(&u, &v),
+            _ => Scaling::Product(&u, &v),
+        };
+        let scale = |side: &Side| side.weights.as_ref().map_or(1.0, |weights| weights.scale);
+        self.weigh_pairs(kernel, scaling).times(scale(&self.source) * scale(&self.target))
+    }
+
+    fn weigh_pairs<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
         let (rows, panels) = (&self.source.rows, &self.target.panels);
         let targets = Targets::new(&self.target.points);
         let start = Moments::about(self.source.origin, self.target.origin);

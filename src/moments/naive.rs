@@ -17,14 +17,31 @@ pub fn moments(
     weight: impl Fn(f64) -> f64,
     normalization: Normalization,
 ) -> Moments {
+    let ones = [source, target].map(|side| vec![1.0; side.points.len()]);
+    weighed_moments(source, target, weight, normalization, [&ones[0], &ones[1]])
+}
+
+/// The same with weights of the source's and of the target's points, one each: the definition of
+/// [`FullConnection::with_point_weights`](super::FullConnection::with_point_weights).
+///
+/// # Panics
+/// When a side has fewer descriptors or weights than points.
+pub fn weighed_moments(
+    source: Described<'_>,
+    target: Described<'_>,
+    weight: impl Fn(f64) -> f64,
+    normalization: Normalization,
+    [a, b]: [&[f32]; 2],
+) -> Moments {
     let (n, m) = (source.points.len(), target.points.len());
     let mut w: Vec<Vec<f64>> = (0..n)
         .map(|i| (0..m).map(|j| weight(squared_distance(&source, &target, i, j))).collect())
         .collect();
     normalize(&mut w, normalization);
     let mut moments = Moments::about(source.origin, target.origin);
-    for (p, row) in source.points.iter().zip(&w) {
-        for (q, &w) in target.points.iter().zip(row) {
+    for (i, (p, row)) in source.points.iter().zip(&w).enumerate() {
+        for (j, (q, &w)) in target.points.iter().zip(row).enumerate() {
+            let w = f64::from(a[i]) * f64::from(b[j]) * w;
             let global = |x: &[f32; 3]| -> Vec3 { x.map(f64::from) };
             moments.add_pair(w, global(p), global(q));
         }

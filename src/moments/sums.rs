@@ -85,6 +85,20 @@ impl Moments {
         }
     }
 
+    /// The same sums with every weight times `factor`.
+    pub(crate) fn times(&self, factor: f64) -> Moments {
+        Moments {
+            weight: factor * self.weight,
+            weight_squared: factor * factor * self.weight_squared,
+            source_sum: math::scaled(self.source_sum, factor),
+            target_sum: math::scaled(self.target_sum, factor),
+            cross: self.cross.map(|row| math::scaled(row, factor)),
+            source_squares: factor * self.source_squares,
+            target_squares: factor * self.target_squares,
+            ..*self
+        }
+    }
+
     /// The same sums with source and target exchanged.
     pub fn swapped(&self) -> Moments {
         Moments {

@@ -2,18 +2,19 @@
 
 use std::path::PathBuf;
 
+use numpy::prelude::*;
 use numpy::{PyArray1, PyArray2, PyUntypedArray};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 
 use super::arrays::{Table, as_array, interop, read_only, table};
 use super::detached::detached;
 use super::doorway::released;
 use super::errors::{SettingError, ShapeError, about, count, exception};
-use crate::cloud::{Parts, PointCloud as Cloud, Transform};
+use crate::cloud::{Channels, Parts, PointCloud as Cloud, Transform};
 use crate::error::Error;
 use crate::math::Vec3;
 use crate::{filter, io, search};
@@ -30,6 +31,10 @@ use crate::{filter, io, search};
 /// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined
 /// viewpoint : three numbers in the frame of the points, where the sensor stood. Normals
 ///     that are estimated point towards it
+/// weights : (N,) numbers, 0 or more and not all 0: how much each point counts. 2 is as good
+///     as having the point twice, 0 as not connecting it
+/// channels : {name: (N,) numbers}, finite: what points may be compared by beside their shape
+///     (`cfreg.CF(channels=...)`). Colours of Open3D come along as red, green, blue, 0 to 1
 ///
 /// Raises
 /// ------
@@ -62,12 +67,14 @@ impl From<Cloud> for PyCloud {
 #[pymethods]
 impl PyCloud {
     #[new]
-    #[pyo3(signature = (points, normals=None, viewpoint=None))]
+    #[pyo3(signature = (points, normals=None, viewpoint=None, weights=None, channels=None))]
     fn new(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<&Bound<'_, PyAny>>,
+        weights: Option<&Bound<'_, PyAny>>,
+        channels: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let viewpoint = viewpoint.map(|at| place(at, "viewpoint")).transpose()?;
         let cloud = match AnyCloud::read(points, "points", normals, BadRows::Drop)? {
@@ -81,7 +88,45 @@ impl PyCloud {
             Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
             None => cloud,
         };
-        Ok(cloud.into())
+        let given = points.cast::<PyCloud>().is_ok();
+        let rows = if given { cloud.len() } else { cloud.len() + cloud.dropped() };
+        let kept = match (weights.is_some() || channels.is_some()) && cloud.dropped() > 0 {
+            true if !given => kept_rows(points, rows)?,
+            _ => (0..cloud.len()).collect(),
+        };
+        let column = |any: &Bound<'_, PyAny>, name: &str| -> PyResult<Vec<f64>> {
+            let all = column_of(any, name, rows)?;
+            Ok(kept.iter().map(|&row| all[row]).collect())
+        };
+        let cloud = match weights {
+            Some(weights) => cloud.with_weights(column(weights, "weights")?).map_err(exception)?,
+            None => cloud,
+        };
+        let Some(given) = channels else { return Ok(cloud.into()) };
+        let mut channels = Channels::default();
+        for (name, values) in given {
+            let name: String = name.extract()?;
+            let values = column(&values, &format!("channels[{name:?}]"))?;
+            let values = values.into_iter().map(|x| x as f32).collect();
+            channels = channels.with(&name, values).map_err(exception)?;
+        }
+        cloud.with_channels(channels).map(Self::from).map_err(exception)
+    }
+
+    /// (N,) float32 array of how much each point counts, read-only; None where all count alike.
+    #[getter]
+    fn weights<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
+        self.cloud.weights().map(|weights| read_only(PyArray1::from_slice(py, weights)))
+    }
+
+    /// {name: (N,) float32 array, read-only}, in the order in which they were given.
+    #[getter]
+    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let channels = PyDict::new(py);
+        for (name, values) in self.cloud.channels().iter() {
+            channels.set_item(name, read_only(PyArray1::from_slice(py, values)))?;
+        }
+        Ok(channels)
     }
 
     /// (N, 3) array of the coordinates, read-only: float32 as they are worked with, or
@@ -228,6 +273,10 @@ impl PyCloud {
         if cloud.normals().is_some() {
             parts.push("normals".into());
         }
+        if cloud.weights().is_some() {
+            parts.push("weights".into());
+        }
+        parts.extend(cloud.channels().names().map(String::from));
         if let Some((low, high)) = detached(py, || cloud.bounds()) {
             parts.push(format!("from {} to {}", short(low), short(high)));
         }
@@ -238,16 +287,18 @@ impl PyCloud {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
         let this = slf.get();
-        let Parts { points, origin, frame_origin, normals, viewpoint, dropped } =
+        let Parts { points, origin, frame_origin, normals, viewpoint, dropped, .. } =
             detached(py, || this.cloud.parts());
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
-        let state = (points, origin, frame_origin, normals, viewpoint, dropped);
+        let has = (this.weights(py), this.channels(py)?);
+        let state = (points, origin, frame_origin, normals, viewpoint, dropped, has);
         (slf.get_type().getattr("_from_parts")?, state).into_pyobject(py)
     }
 
     /// A cloud from its pickle.
     #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "the parts of a cloud")]
     fn _from_parts(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
@@ -256,6 +307,7 @@ impl PyCloud {
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
         dropped: usize,
+        has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>),
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
             Table::F32(table) => {
@@ -266,9 +318,44 @@ impl PyCloud {
         };
         let points = rows(points, "points")?;
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
-        let parts = Parts { points, origin, frame_origin, normals, viewpoint, dropped };
+        let numbers = |any: &Bound<'_, PyAny>, name: &str| -> PyResult<Vec<f32>> {
+            Ok(column_of(any, name, points.len())?.into_iter().map(|x| x as f32).collect())
+        };
+        let weights = has.0.as_ref().map(|any| numbers(any, "weights")).transpose()?;
+        let mut channels = Channels::default();
+        for (name, values) in &has.1 {
+            let name: String = name.extract()?;
+            channels = channels.with(&name, numbers(&values, &name)?).map_err(exception)?;
+        }
+        let parts =
+            Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped };
         detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)
     }
+}
+
+/// Numbers (N,), of any kind, one a row of the points.
+fn column_of(any: &Bound<'_, PyAny>, name: &str, rows: usize) -> PyResult<Vec<f64>> {
+    let column = as_array(any, name)?.call_method1("astype", ("float64",))?;
+    let shape: Vec<usize> = column.getattr("shape")?.extract()?;
+    if shape != [rows] {
+        let found = column.getattr("shape")?;
+        let message = format!("{name}: expected shape ({rows},), one a point, found {found}");
+        return Err(ShapeError::new_err(message));
+    }
+    let column = column.cast::<PyArray1<f64>>()?.try_readonly()?;
+    Ok(column.as_slice().map(<[f64]>::to_vec).or_else(|_| column.to_vec())?)
+}
+
+/// The rows of `points` that a cloud keeps: those that are finite.
+fn kept_rows(points: &Bound<'_, PyAny>, rows: usize) -> PyResult<Vec<usize>> {
+    let py = points.py();
+    let array = match points.get_type().is(PyUntypedArray::type_object(py)) {
+        true => points.clone(),
+        false => interop(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
+    };
+    let finite = py.import("numpy")?.call_method1("isfinite", (array,))?;
+    let finite: Vec<bool> = finite.call_method1("all", (1,))?.call_method0("tolist")?.extract()?;
+    Ok((0..rows).filter(|&row| finite[row]).collect())
 }
 
 /// Three numbers, six digits each.
@@ -335,7 +422,8 @@ impl<'py> AnyCloud<'py> {
                     detached(py, || Cloud::new(rows))
                 }
             };
-            return cloud.map(AnyCloud::Made).map_err(|error| about(name, error));
+            let cloud = cloud.map_err(|error| about(name, error))?;
+            return colored(cloud, any).map(AnyCloud::Made);
         };
         let normals = Table::read(&as_array(normals, "normals")?, "normals", Some(3))?;
         if bad_rows == BadRows::Refuse {
@@ -351,12 +439,14 @@ impl<'py> AnyCloud<'py> {
         }
         let cloud = detached(py, || Cloud::with_normals(points, normals));
         let cloud = cloud.map_err(|error| about(name, error))?;
-        let viewpoint = any.cast::<PyCloud>().ok().and_then(|given| given.get().cloud.viewpoint());
-        let cloud = match viewpoint {
-            Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
-            None => cloud,
+        let Ok(given) = any.cast::<PyCloud>() else {
+            return colored(cloud, any).map(AnyCloud::Made);
         };
-        Ok(AnyCloud::Made(cloud))
+        let given = &given.get().cloud;
+        let weights = given.weights().map(<[f32]>::to_vec);
+        let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
+        let parts = Parts { weights, channels, viewpoint, ..cloud.parts() };
+        Cloud::from_parts(parts).map(AnyCloud::Made).map_err(exception)
     }
 
     /// A cloud whose points are named by their rows in what was handed over.
@@ -379,6 +469,27 @@ impl<'py> AnyCloud<'py> {
             AnyCloud::Made(cloud) => cloud,
         }
     }
+}
+
+/// The cloud with the colours of what it was made from, where that has any.
+fn colored(cloud: Cloud, any: &Bound<'_, PyAny>) -> PyResult<Cloud> {
+    let py = any.py();
+    if any.get_type().is(PyUntypedArray::type_object(py)) {
+        return Ok(cloud);
+    }
+    let colors = interop(py)?.call_method1("colors", (any,))?;
+    if colors.is_none() {
+        return Ok(cloud);
+    }
+    let kept = kept_rows(any, cloud.len() + cloud.dropped())?;
+    let mut channels = Channels::default();
+    for (axis, name) in ["red", "green", "blue"].into_iter().enumerate() {
+        let column = colors.get_item((py.Ellipsis(), axis))?;
+        let all = column_of(&column, "colors", cloud.len() + cloud.dropped())?;
+        let values = kept.iter().map(|&row| all[row] as f32).collect();
+        channels = channels.with(name, values).map_err(exception)?;
+    }
+    cloud.with_channels(channels).map_err(exception)
 }
 
 /// Three numbers.
@@ -408,7 +519,7 @@ pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
 /// Returns
 /// -------
 /// PointCloud, in the unit and frame of the file, with normals and viewpoint if it has them;
-///     other columns are not read
+///     a column `weight` has the weights, others become channels, colours from 0 to 1
 ///
 /// Raises
 /// ------

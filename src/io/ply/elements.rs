@@ -4,17 +4,18 @@ use std::io::ErrorKind;
 
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{
-    ElementDef, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+    ElementDef, Property, PropertyAccess, PropertyAccessResult, PropertyDef, PropertyType,
+    ScalarType,
 };
 
-use crate::io::table::{Fault, Lines, Vertex, check_claim, number, shown, slot};
+use crate::io::table::{Fault, Kind, Lines, Vertex, check_claim, number, shown, slot};
 
 /// What is kept of an element.
 pub(super) trait Row: PropertyAccess {
-    /// Whether the scalar property `name` matters.
-    fn takes(name: &str) -> bool;
+    /// Whether the scalar property `name` must be a number.
+    fn needs(name: &str) -> bool;
 
-    /// Keeps a scalar that matters.
+    /// Keeps a scalar, NaN for what is no number, if it matters.
     fn set(&mut self, name: &str, value: f64);
 
     /// Whether the list property `name` matters.
@@ -104,10 +105,10 @@ fn parse_line<R: Row>(line: &str, element: &ElementDef) -> Result<R, String> {
         let word = words.next().ok_or_else(missing)?;
         let refuse = |expected| format!("{name} is {}, not {expected}", shown(word));
         match property.data_type {
-            PropertyType::Scalar(_) if !R::takes(name) => {}
-            PropertyType::Scalar(_) => {
-                row.set(name, number(word).ok_or_else(|| refuse("a number"))?);
-            }
+            PropertyType::Scalar(_) => match number(word) {
+                None if R::needs(name) => return Err(refuse("a number")),
+                value => row.set(name, value.unwrap_or(f64::NAN)),
+            },
             PropertyType::List(..) => {
                 let length: usize = word.parse().map_err(|_| refuse("the length of a list"))?;
                 if R::takes_list(name) {
@@ -132,6 +133,17 @@ fn parse_line<R: Row>(line: &str, element: &ElementDef) -> Result<R, String> {
 
 pub(super) fn is_scalar(kind: &PropertyType) -> bool {
     matches!(kind, PropertyType::Scalar(_))
+}
+
+/// What colours have in one byte or two are shares of what those hold.
+pub(super) fn kind(property: &PropertyDef) -> Kind {
+    let colour = ["red", "green", "blue", "alpha"];
+    let is_colour = colour.iter().any(|name| name.eq_ignore_ascii_case(&property.name));
+    match property.data_type {
+        PropertyType::Scalar(ScalarType::UChar) if is_colour => Kind::Of(255.0),
+        PropertyType::Scalar(ScalarType::UShort) if is_colour => Kind::Of(65535.0),
+        _ => Kind::Of(1.0),
+    }
 }
 
 /// Bytes that a property takes at least: a list may be empty.
@@ -197,7 +209,7 @@ impl PropertyAccess for Vertex {
 }
 
 impl Row for Vertex {
-    fn takes(name: &str) -> bool {
+    fn needs(name: &str) -> bool {
         slot(name).is_some()
     }
 
@@ -223,7 +235,7 @@ impl PropertyAccess for Face {
 }
 
 impl Row for Face {
-    fn takes(_name: &str) -> bool {
+    fn needs(_name: &str) -> bool {
         false
     }
 

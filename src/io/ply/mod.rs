@@ -16,7 +16,9 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header};
 
 use self::elements::Body;
-use super::table::{Columns, Fault, Lines, Table, Vertex, is_single, shown, write_binary};
+use super::table::{
+    Columns, Fault, Kind, Lines, Table, Vertex, extra_names, is_single, shown, write_binary,
+};
 use crate::cloud::PointCloud;
 
 /// The longest header that is read, bytes.
@@ -69,13 +71,17 @@ impl<'a> Vertices<'a> {
         let element = element.ok_or_else(|| Fault::new("the header has no element vertex"))?;
         let scalars = element.properties.values().filter(|p| elements::is_scalar(&p.data_type));
         let columns = Columns::named(scalars.map(|property| property.name.as_str()))
-            .map_err(|what| Fault::new(format!("in the properties of element vertex, {what}")))?;
+            .map_err(|what| Fault::new(format!("in the properties of element vertex, {what}")))?
+            .of_kinds(|name, _| match element.properties.get(name) {
+                Some(property) => elements::kind(property),
+                None => Kind::Of(1.0),
+            });
         Ok(Vertices { element, columns })
     }
 
     fn read(&self, body: &mut Body<'_>) -> Result<Table, Fault> {
         let count = body.check_count(self.element)?;
-        let mut table = Table::new(count, self.columns.has_normals());
+        let mut table = Table::new(count, &self.columns);
         for index in 0..count {
             table.push(body.next::<Vertex>(self.element, index)?);
         }
@@ -102,6 +108,7 @@ pub(super) fn write(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
     if cloud.normals().is_some() {
         writeln!(out, "property float nx\nproperty float ny\nproperty float nz")?;
     }
+    extra_names(cloud).iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
     writeln!(out, "end_header")?;
     write_binary(out, cloud)
 }

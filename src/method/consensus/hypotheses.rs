@@ -29,6 +29,8 @@ const BOUNDS: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
 pub(super) struct Matches {
     pub(super) source: Vec<[f32; 3]>,
     pub(super) target: Vec<[f32; 3]>,
+    /// How much each match counts where poses are solved: its points' weights.
+    pub(super) weights: Vec<f64>,
     /// The length of both scans.
     pub(super) length: f64,
 }
@@ -76,6 +78,7 @@ impl Matches {
         let mut moments = Moments::about([0.0; 3], [0.0; 3]);
         let place = |p: [f32; 3]| -> Vec3 { p.map(f64::from) };
         for (k, weight) in weighted {
+            let weight = weight * self.weights[k];
             moments.add_pair(weight, place(self.source[k]), place(self.target[k]));
         }
         let solved = pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed);
@@ -169,7 +172,7 @@ mod tests {
             source.push(from.map(|x| x as f32));
             target.push(onto.map(|x| x as f32));
         }
-        Matches { source, target, length: 1.0 }
+        Matches { weights: vec![1.0; source.len()], source, target, length: 1.0 }
     }
 
     #[test]

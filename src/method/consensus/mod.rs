@@ -37,6 +37,10 @@ use crate::quality::{Doubt, PoseCovariance, RunnerUp, Verdict};
 /// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
 /// where it is not, it is guessed.
 ///
+/// Weights of points ([`PointCloud::with_weights`]) count where poses are solved: a match, and a
+/// pair of surface points, is multiplied by those of its two points, each the mean of its cube.
+/// Surfaces, and the verdict, are those of all points. Channels are not looked at.
+///
 /// ```
 /// use cfreg::method::{Consensus, Register};
 /// # use cfreg::experiment::shape::boulder;
@@ -303,7 +307,10 @@ fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
         pairs.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         pairs.truncate(MATCHES);
     }
+    let weight = |&(i, j): &(u32, u32)| source.weight(i as usize) * target.weight(j as usize);
+    pairs.retain(|pair| weight(pair) > 0.0);
     Ok(Matches {
+        weights: pairs.iter().map(weight).collect(),
         source: pairs.iter().map(|&(i, _)| source.points[i as usize]).collect(),
         target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
         length,

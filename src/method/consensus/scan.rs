@@ -26,6 +26,8 @@ const PLAUSIBLE: f64 = 0.2;
 pub(super) struct Scan<'a> {
     whole: &'a PointCloud,
     thin: PointCloud,
+    /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
+    weights: Option<Vec<f32>>,
     neighbors: Neighbors,
     /// Of either sign.
     normals: Vec<[f32; 3]>,
@@ -50,6 +52,8 @@ pub(super) struct Surface {
     /// Unit vectors.
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) descriptors: Descriptors,
+    /// How much points count; all alike where the cloud has no weights.
+    weights: Option<Vec<f32>>,
     pub(super) tree: SearchTree,
     pub(super) seen: Option<DepthImage>,
     pub(super) oriented_by: OrientedBy,
@@ -58,7 +62,18 @@ pub(super) struct Surface {
 impl<'a> Scan<'a> {
     /// Thins `whole` to about one point per cube of side `length`; `name` is what errors call it.
     pub(super) fn new(whole: &'a PointCloud, length: f64, name: &str) -> Result<Self> {
-        let thin = filter::voxel_grid(whole, length)?;
+        let (thin, weights) = match whole.relative_weights() {
+            None => (filter::voxel_grid(whole, length)?, None),
+            Some(own) => {
+                // Weights tell how much a place counts, not where the surface is.
+                let mean = |cube: &Vec<usize>| {
+                    let sum: f64 = cube.iter().map(|&i| f64::from(own[i])).sum();
+                    (sum / cube.len() as f64) as f32
+                };
+                let weights = filter::cubes(whole, length)?.iter().map(mean).collect();
+                (filter::voxel_grid(&whole.unweighted(), length)?, Some(weights))
+            }
+        };
         if thin.len() < 3 {
             let what = format!("{name}, thinned to {length:e}");
             return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
@@ -66,7 +81,7 @@ impl<'a> Scan<'a> {
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
-        Ok(Scan { whole, thin, neighbors, normals, length })
+        Ok(Scan { whole, thin, weights, neighbors, normals, length })
     }
 
     pub(super) fn whole(&self) -> &PointCloud {
@@ -150,6 +165,7 @@ impl<'a> Scan<'a> {
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
             descriptors: descriptors.select(&defined),
+            weights: self.weights.as_ref().map(|own| defined.iter().map(|&i| own[i]).collect()),
             seen,
             oriented_by,
         })
@@ -172,6 +188,11 @@ impl Surface {
 
     pub(super) fn normal(&self, i: usize) -> Vec3 {
         self.normals[i].map(f64::from)
+    }
+
+    /// How much point `i` counts, 1 in the mean.
+    pub(super) fn weight(&self, i: usize) -> f64 {
+        self.weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
     }
 
     /// One side of a full connection.

@@ -91,7 +91,10 @@ fn contacts<'a>(
         if far >= 1.0 || facing < ALIKE {
             return None;
         }
-        let weight = facing * (1.0 - far) * (1.0 - far);
+        let weight = facing * (1.0 - far) * (1.0 - far) * source.weight(i) * target.weight(j);
+        if weight <= 0.0 {
+            return None;
+        }
         let offset = math::sub(place, target.place(j));
         Some((i, j, Contact { weight, place, offset, normals }))
     })

@@ -63,9 +63,12 @@ impl<'a> Mixture<'a> {
     }
 
     /// Squared distance beyond the nearest source's at which sources are left out: all
-    /// N of them together then weigh less than the allowed share of the nearest.
+    /// N of them together then weigh less than the allowed share of the nearest, which may be
+    /// the lightest of them.
     fn reach(&self, sigma: f64) -> Option<f64> {
-        let share = self.truncation / self.source.len() as f64;
+        let weights = self.positions.source_weights().unwrap_or_default();
+        let lightest = weights.iter().fold(1.0, |least: f64, &a| least.min(f64::from(a)));
+        let share = self.truncation * lightest / self.source.len() as f64;
         (share > 0.0).then(|| -2.0 * sigma * sigma * share.ln())
     }
 
@@ -77,19 +80,31 @@ impl<'a> Mixture<'a> {
         3.0 * sigma.ln() - log_sum / self.target.len() as f64
     }
 
+    /// bⱼ: how much a target point counts.
+    fn datum(&self, j: usize) -> f64 {
+        self.positions.target_weights().map_or(1.0, |weights| f64::from(weights[j]))
+    }
+
+    /// aᵢ: how much of the mixture a source point is.
+    fn centre(&self, i: usize) -> f64 {
+        self.positions.source_weights().map_or(1.0, |weights| f64::from(weights[i]))
+    }
+
     /// All pairs, in tiles. `None` where weights of a target point underflow and search
     /// may do better.
     fn dense(&self, pose: &Transform, sigma: f64) -> Result<Option<Expectation>> {
         let connection = self.positions.connection(pose)?;
         let kernel = Gaussian { beta: (2.0 * sigma * sigma) as f32 };
         let c = self.outlier_term(sigma);
-        let sums: Vec<f64> = connection.target_sums(&kernel).iter().map(|sum| sum + c).collect();
+        let sums: Vec<f64> =
+            connection.weighed_target_sums(&kernel).iter().map(|sum| sum + c).collect();
         if self.truncation > 0.0 && sums.iter().any(|&sum| sum < UNDERFLOW) {
             return Ok(None);
         }
         let factor = |&sum: &f64| if sum < UNDERFLOW { 0.0 } else { (1.0 / sum) as f32 };
         let factors: Vec<f32> = sums.iter().map(factor).collect();
-        let log_sum: f64 = sums.iter().map(|sum| sum.max(UNDERFLOW).ln()).sum();
+        let log = |(j, sum): (usize, &f64)| self.datum(j) * sum.max(UNDERFLOW).ln();
+        let log_sum: f64 = sums.iter().enumerate().map(log).sum();
         Ok(Some(Expectation {
             moments: connection.moments_with_factors(&kernel, &factors)?,
             objective: self.objective(log_sum, sigma),
@@ -118,7 +133,8 @@ impl<'a> Mixture<'a> {
                 // Relative to the nearest, so that nothing underflows however far it is.
                 let lift = nearest * inverse;
                 let relative = |found: &crate::search::Neighbor| {
-                    (lift - f64::from(found.squared_distance) * inverse).exp()
+                    let centre = self.centre(found.index as usize);
+                    centre * (lift - f64::from(found.squared_distance) * inverse).exp()
                 };
                 weights.clear();
                 weights.extend(near.iter().map(relative));
@@ -128,13 +144,13 @@ impl<'a> Mixture<'a> {
                 let high = log_mixture.max(log_outlier);
                 let log_total =
                     high + ((log_mixture - high).exp() + (log_outlier - high).exp()).ln();
-                let share = (log_mixture - log_total).exp() / sum;
+                let share = self.datum(j) * (log_mixture - log_total).exp() / sum;
                 let q = local(place, shift_q);
                 for (found, weight) in near.iter().zip(&*weights) {
                     let p = local(self.source.points()[found.index as usize], shift_p);
                     moments.add_pair(weight * share, p, q);
                 }
-                log_sum += log_total;
+                log_sum += self.datum(j) * log_total;
                 pairs += near.len() as u64;
             }
             (moments, log_sum, pairs)

@@ -35,6 +35,11 @@ const EXACT_SIGMA_FLOOR: f64 = 1e-3;
 /// The objective of the trace is the negative log-likelihood a target point,
 /// −Σ_j ln(Σ_i exp(−d²/2σ²) + c)/M + 3/2 ln σ², at the pose and σ that the step starts
 /// from: it falls from step to step.
+///
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, with a
+/// and b the others' in shares of their cloud's mean, aᵢ/N is the share of centre i in the
+/// mixture and bⱼ counts the datum j: w_ij = bⱼ aᵢ exp(−d²/2σ²) / (Σ_i aᵢ exp(−d²/2σ²) + c), the
+/// objective is −Σ_j bⱼ ln(…)/M + 3/2 ln σ².
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Cpd {
@@ -116,6 +121,7 @@ impl Cpd {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
+        let (source, target) = (&*source.counting(), &*target.counting());
         let mut times = Timings::default();
         let positions = times.time("prepare", || Positions::new(source, target))?;
         let unit = positions.unit();
@@ -183,14 +189,25 @@ impl Cpd {
 
 /// √(Σ_ij d²/3NM) at `pose`, from means and variances alone.
 fn first_sigma(source: &PointCloud, target: &PointCloud, pose: &Transform) -> f64 {
-    let variance = |cloud: &PointCloud| {
-        let mean = cloud.centroid();
-        let squares = cloud.positions().map(|p| math::sub(p, mean)).map(|p| math::dot(p, p));
-        squares.sum::<f64>() / cloud.len() as f64
+    // Mean, and mean squared distance from it, by weight.
+    let spread = |cloud: &PointCloud| {
+        let center = cloud.centroid();
+        let local = || cloud.positions().map(|p| math::sub(p, center));
+        let squares = || local().map(|p| math::dot(p, p));
+        let n = cloud.len() as f64;
+        let Some(weights) = cloud.relative_weights() else {
+            return (center, squares().sum::<f64>() / n);
+        };
+        let share = || weights.iter().map(|&weight| f64::from(weight) / n);
+        let off = local()
+            .zip(share())
+            .fold([0.0; 3], |sum, (p, share)| math::add(sum, math::scaled(p, share)));
+        let squares = squares().zip(share()).map(|(square, share)| share * square).sum::<f64>();
+        (math::add(center, off), squares - math::dot(off, off))
     };
-    let shift = math::sub(pose.apply(source.centroid()), target.centroid());
-    let moved = pose.scale * pose.scale * variance(source);
-    ((moved + variance(target) + math::dot(shift, shift)) / 3.0).sqrt()
+    let ((from, source), (to, target)) = (spread(source), spread(target));
+    let shift = math::sub(pose.apply(from), to);
+    ((pose.scale * pose.scale * source + target + math::dot(shift, shift)) / 3.0).sqrt()
 }
 
 impl Refine for Cpd {

@@ -37,6 +37,9 @@ pub(super) const MIN_AGREEMENT: f64 = 0.65;
 /// it forgets the shift of the initial pose, not its rotation. Rotations of 60° and more
 /// end in a wrong optimum. The trace's objective is the log-likelihood per
 /// weight, both clouds together (positions in units of the target's size): it never falls.
+///
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, those of
+/// others multiply their observation weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Dare {
@@ -139,6 +142,7 @@ impl Dare {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
+        let (source, target) = (&*source.counting(), &*target.counting());
         let config = self.resolved(source, target);
         let mut times = Timings::default();
         let frame = Frame::new(source, target)?;
@@ -266,10 +270,15 @@ impl Frame {
         if points.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e15) {
             return Err(Error::Extent { extent: f64::INFINITY });
         }
-        let weights = match neighbors {
+        let mut weights = match neighbors {
             0 => density::equal_weights(cloud.len()),
             k => density::observation_weights(&points, k)?,
         };
+        if let Some(own) = cloud.relative_weights() {
+            weights.iter_mut().zip(&own).for_each(|(weight, &own)| *weight *= f64::from(own));
+            let sum: f64 = weights.iter().sum();
+            weights.iter_mut().for_each(|weight| *weight /= sum);
+        }
         Ok(View { points, weights })
     }
 

@@ -42,6 +42,9 @@ pub enum Metric {
 ///
 /// In the trace, objective is the root mean square distance of the pairs (weighted, in
 /// the target's unit) at the pose before the step; it falls.
+///
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, the weight of
+/// a pair is multiplied by those of its two points. `keep` counts pairs, whatever they weigh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Icp {
@@ -199,6 +202,7 @@ impl Icp {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
+        let (source, target) = (&*source.counting(), &*target.counting());
         let mut times = Timings::default();
         let positions = times.time("tree", || Positions::new(source, target))?;
         let config = self.resolved(source, target, initial.scale)?;

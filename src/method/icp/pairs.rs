@@ -34,7 +34,10 @@ pub(super) fn connect(
     let squares: Vec<f64> =
         chosen.iter().map(|&i| f64::from(nearest[i].squared_distance)).collect();
     let scaled: Vec<f32> = squares.iter().map(|d| (d / (bandwidth * bandwidth)) as f32).collect();
-    let weights = icp.weights.visit(1.0, Weigh(&scaled))?;
+    let mut weights = icp.weights.visit(1.0, Weigh(&scaled))?;
+    for (weight, &i) in weights.iter_mut().zip(&chosen) {
+        *weight *= positions.pair_weight(i, nearest[i].index as usize);
+    }
     let pair = |(&i, &weight): (&usize, &f64)| WeightedPair {
         source: i as u32,
         target: nearest[i].index,

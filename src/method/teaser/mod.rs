@@ -33,6 +33,9 @@ use rotation::{Round, Schedule};
 /// the clouds lie on each other, as every other; on request there is a [`Certificate`] of
 /// the rotation too.
 ///
+/// Weights of points ([`PointCloud::with_weights`]): those of weight 0 have no match. How large
+/// other weights are makes no difference here: a match is consistent with others or not.
+///
 /// ```
 /// use cfreg::method::{Register, Teaser};
 /// # use cfreg::experiment::shape::boulder;
@@ -177,7 +180,9 @@ impl Teaser {
                 [source, target].map(PointCloud::points),
                 [source, target].map(PointCloud::origin),
             );
-            let matches = Matches::new(pairs, points, origins);
+            let weights = [source, target].map(PointCloud::weights);
+            let pairs: Vec<(u32, u32)> = pairs.iter().copied().filter(counts(weights)).collect();
+            let matches = Matches::new(&pairs, points, origins);
             let counts =
                 PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
             self.solve(&matches, source, target, counts, Timings::default())
@@ -189,9 +194,11 @@ impl Teaser {
         let mut times = Timings::default();
         let source_side = self.describe.prepare(source, "the source", &mut times)?;
         let target_side = self.describe.prepare(target, "the target", &mut times)?;
+        let [source_side, target_side] = self.describe.joined([source_side, target_side])?;
         let (p, q) = (source_side.described(), target_side.described());
         let matches = times.time("matches", || {
-            let pairs = matches::similar(&FullConnection::new(p, q)?, self.cross_check);
+            let mut pairs = matches::similar(&FullConnection::new(p, q)?, self.cross_check);
+            pairs.retain(counts([source_side.weights(), target_side.weights()]));
             Ok::<_, Error>(Matches::new(&pairs, [p.points, q.points], [p.origin, q.origin]))
         })?;
         let counts = PointCounts { source: source_side.counts(), target: target_side.counts() };
@@ -311,6 +318,14 @@ impl Teaser {
 impl Register for Teaser {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         par::with_threads(self.threads, || self.run(source, target))?
+    }
+}
+
+/// Whether both points of a match have a weight above 0.
+fn counts(weights: [Option<&[f32]>; 2]) -> impl Fn(&(u32, u32)) -> bool {
+    move |&(i, j)| {
+        let [a, b] = weights;
+        a.is_none_or(|a| a[i as usize] > 0.0) && b.is_none_or(|b| b[j as usize] > 0.0)
     }
 }
 

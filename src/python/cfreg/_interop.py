@@ -44,6 +44,18 @@ def parts(cloud: Any, name: str) -> tuple[Any, Any]:
     )
 
 
+def colors(cloud: Any) -> Any:
+    """Colours (N, 3) from 0 to 1 of a cloud of Open3D; None for others, and without any."""
+    if hasattr(cloud, "has_normals") and hasattr(cloud, "colors") and hasattr(cloud, "points"):
+        return _some(cloud.colors)
+    tensors = _tensors(cloud)
+    if tensors is None or "colors" not in tensors or "positions" not in tensors:
+        return None
+    found = array(tensors["colors"], "colors")
+    whole = np.iinfo(found.dtype).max if found.dtype.kind == "u" else 1.0
+    return found / whole
+
+
 def array(values: Any, name: str) -> Any:
     """A plain array for what is one in disguise; masked values become NaN."""
     if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "f":
@@ -111,6 +123,10 @@ def to_open3d(cloud: Any) -> Any:
     made.points = open3d.utility.Vector3dVector(np.asarray(cloud.points, dtype=np.float64))
     if cloud.normals is not None:
         made.normals = open3d.utility.Vector3dVector(cloud.normals.astype(np.float64))
+    channels = cloud.channels
+    if all(name in channels for name in ("red", "green", "blue")):
+        rows = np.column_stack([channels[name] for name in ("red", "green", "blue")])
+        made.colors = open3d.utility.Vector3dVector(rows.astype(np.float64))
     return made
 
 

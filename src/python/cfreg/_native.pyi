@@ -61,8 +61,17 @@ class ExtentError(Error): ...
 @final
 class PointCloud:
     def __new__(
-        cls, points: _CloudLike, normals: Any = None, viewpoint: _Place | None = None
+        cls,
+        points: _CloudLike,
+        normals: Any = None,
+        viewpoint: _Place | None = None,
+        weights: Any = None,
+        channels: dict[str, Any] | None = None,
     ) -> PointCloud: ...
+    @property
+    def weights(self) -> npt.NDArray[np.float32] | None: ...
+    @property
+    def channels(self) -> dict[str, npt.NDArray[np.float32]]: ...
     @property
     def points(self) -> npt.NDArray[Any]: ...
     @property
@@ -95,6 +104,7 @@ class PointCloud:
         normals: npt.NDArray[np.float32] | None,
         viewpoint: _Place | None,
         dropped: int,
+        has: tuple[npt.NDArray[np.float32] | None, dict[str, npt.NDArray[np.float32]]],
     ) -> PointCloud: ...
 
 @final

@@ -115,6 +115,8 @@ class Describing(Method):
     orientation : where normals point: "viewpoint" (the cloud's, or else the origin),
         "outward", "stored" (those of the clouds), or three numbers to look towards
     histogram : "pcl", blocks that sum to 100, or "open3d", blocks that sum to 200
+    channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
+        a share: 1, the default, matters as much as the whole shape
     """
 
     neighbors: int = 150
@@ -123,10 +125,11 @@ class Describing(Method):
     more_neighbors: Sequence[int | str] = ()
     orientation: str | Sequence[float] = "viewpoint"
     histogram: str = "pcl"
+    channels: str | Sequence[str] = ()
 
     def __post_init__(self) -> None:
         # Tuples compare, and cannot be changed later.
-        for name in ("more_neighbors", "orientation"):
+        for name in ("more_neighbors", "orientation", "channels"):
             value = getattr(self, name)
             if isinstance(value, (list, np.ndarray)):
                 object.__setattr__(self, name, tuple(value if isinstance(value, list) else value.tolist()))

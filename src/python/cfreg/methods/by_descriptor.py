@@ -38,6 +38,8 @@ class CF(Describing):
         are described: nearest points of a neighbourhood (or all within a radius), those for
         normals, more scales beside (200, or "200:50" with those for normals), where normals
         point ("viewpoint", "outward", "stored", or three numbers), whose FPFH
+    channels : names of channels of both clouds to compare points by too, ("intensity:0.5",
+        "red") with a share: 1, the default, matters as much as the whole shape
 
     >>> import cfreg
     >>> cfreg.CF(neighbors=100, normalize="both").beta is None
@@ -129,7 +131,8 @@ class TEASER(Describing):
     clique_steps : most steps of the search for the largest consistent set
     certify : whether to bound how far the rotation is from the best
     trace : whether to record every iteration
-    neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram : see CF
+    neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram,
+        channels : see CF
     """
 
     name: ClassVar[str] = "teaser"

@@ -1,0 +1,160 @@
+//! Channels beside FPFH: points are alike when they look alike, too.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::prepared::{Describe, Prepared};
+use crate::cloud::{Descriptors, PointCloud};
+use crate::error::{Error, Result};
+
+/// A channel by which points are compared, and how much it matters.
+///
+/// As text `NAME` or `NAME:SHARE`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Channel {
+    /// Its name in both clouds.
+    pub name: String,
+    /// How much it matters beside the whole FPFH, above 0 to 1000; default 1, as much.
+    #[serde(default = "one")]
+    pub share: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Channel {
+    /// Checks the range.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a share out of range.
+    pub fn validate(&self) -> Result<()> {
+        if self.share > 0.0 && self.share <= 1000.0 {
+            return Ok(());
+        }
+        let rule = "a share must be above 0 and at most 1000";
+        Err(Error::config("channels", self, rule))
+    }
+}
+
+impl std::fmt::Display for Channel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.name, self.share)
+    }
+}
+
+impl FromStr for Channel {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let (name, share) = match text.split_once(':') {
+            Some((name, share)) => (name, share.trim().parse().ok()),
+            None => (text, Some(one())),
+        };
+        let name = name.trim().to_string();
+        match share {
+            Some(share) if !name.is_empty() => Ok(Channel { name, share }),
+            _ => Err(Error::config("channels", text, "must be NAME or NAME:SHARE")),
+        }
+    }
+}
+
+/// The values of `channels` in `cloud`, which errors call `name`.
+pub(super) fn values_of<'a>(
+    channels: &[Channel],
+    cloud: &'a PointCloud,
+    name: &str,
+) -> Result<Vec<&'a [f32]>> {
+    let values = |channel: &Channel| {
+        cloud.channels().get(&channel.name).ok_or_else(|| {
+            let there: Vec<&str> = cloud.channels().names().collect();
+            let there = match there.is_empty() {
+                true => "none".to_string(),
+                false => there.join(", "),
+            };
+            let rule = format!(
+                "{name} has no such channel; it has {there} (a column of a file counts when all \
+                 its values are finite)"
+            );
+            Error::config("channels", &channel.name, rule)
+        })
+    };
+    channels.iter().map(values).collect()
+}
+
+/// Mean over both sides, and root mean square distance from it; the same bits in either order.
+fn spread<'a, V: Iterator<Item = f64> + 'a>(
+    sides: &'a [Prepared; 2],
+    values: impl Fn(&'a Prepared) -> V,
+) -> (f64, f64) {
+    let [a, b] = sides;
+    let n = (a.descriptors.len() + b.descriptors.len()) as f64;
+    let mean = (values(a).sum::<f64>() + values(b).sum::<f64>()) / n;
+    let squares = |side| values(side).map(|x| (x - mean).powi(2)).sum::<f64>();
+    (mean, ((squares(a) + squares(b)) / n).sqrt())
+}
+
+impl Describe {
+    /// Puts the channels of both clouds beside their descriptors; without
+    /// [`channels`](Self::channels) nothing changes.
+    ///
+    /// With S the root mean square distance of all descriptors of both clouds from their common
+    /// mean, at least the root of the histogram's own β
+    /// ([`HistogramScale::default_beta`](crate::descriptor::HistogramScale::default_beta)), lest
+    /// shapes without features silence the channels: each channel is divided by its standard
+    /// deviation over both clouds and multiplied by its share times S. With a share of 1 two
+    /// points differ in the mean by the channel as much as by FPFH, whatever its unit;
+    /// d² = d²_FPFH + Σ (share S Δ/σ)². A channel that is the same everywhere says nothing.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for sides that were not described by these settings, and those of
+    /// [`Descriptors::new`].
+    pub fn joined(&self, mut sides: [Prepared; 2]) -> Result<[Prepared; 2]> {
+        if self.channels.is_empty() {
+            return Ok(sides);
+        }
+        for side in &sides {
+            let (expected, found) = (self.channels.len(), side.channels.len());
+            if expected != found {
+                let what = "channels of a described cloud".into();
+                return Err(Error::Shape { what, expected, found });
+            }
+        }
+        let dims = sides[0].descriptors.dim().min(sides[1].descriptors.dim());
+        let bins = (0..dims).map(|d| {
+            spread(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
+        });
+        let fpfh = bins.map(|(_, spread)| spread * spread).sum::<f64>().sqrt();
+        let whole = fpfh.max(self.histogram.default_beta().sqrt());
+        let scales: Vec<(f64, f64)> = (0..self.channels.len())
+            .map(|c| {
+                let values = move |side| Prepared::channel(side, c);
+                let (mean, spread) = spread(&sides, values);
+                // Rounding alone is no difference.
+                let same = spread <= 1e-6 * mean.abs();
+                (mean, if same { 0.0 } else { self.channels[c].share * whole / spread })
+            })
+            .collect();
+        for side in &mut sides {
+            let values: Vec<f32> = (0..side.descriptors.len())
+                .flat_map(|i| {
+                    let channels = side.channels.iter().zip(&scales);
+                    let scaled = channels
+                        .map(move |(values, (mean, scale))| (f64::from(values[i]) - mean) * scale);
+                    let row = side.descriptors.row(i).iter().copied();
+                    row.chain(scaled.map(|x| x as f32))
+                })
+                .collect();
+            side.descriptors = Descriptors::new(side.descriptors.dim() + scales.len(), values)?;
+            side.channels.clear();
+        }
+        Ok(sides)
+    }
+}
+
+impl Prepared {
+    fn channel(&self, c: usize) -> impl Iterator<Item = f64> + '_ {
+        self.channels[c].iter().map(|&x| f64::from(x))
+    }
+}
