@@ -257,7 +257,10 @@ fn it_is_a_method_by_name_and_starts_refinements() {
     assert_eq!(method, Method::Consensus(Consensus::default()));
     assert!(method.as_refinement().is_none());
     let set = method.with([("voxel", 0.1.into()), ("seeds", 50.into())]).unwrap();
-    assert_eq!(set, Method::Consensus(Consensus { voxel: Some(0.1), seeds: 50, threads: 0 }));
+    assert_eq!(
+        set,
+        Method::Consensus(Consensus { voxel: Some(0.1), seeds: 50, ..Consensus::default() })
+    );
     let (source, target, truth) = samples(1500);
     let chain = benchmark::method("consensus+gicp").unwrap();
     let refined = chain.register(&source, &target).unwrap();

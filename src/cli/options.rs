@@ -1,6 +1,6 @@
 //! Options that several commands share, as they are typed.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::method::{Chain, Method};
-use crate::pose::{ScaleEstimate, Solver};
+use crate::pose::{Near, Prior, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 use crate::{filter, io};
 
@@ -113,6 +113,19 @@ pub(super) struct MethodOptions {
     /// Estimate a scale: fixed, umeyama, symmetric [default: fixed]
     #[arg(long)]
     scale: Option<ScaleEstimate>,
+    /// A direction that is known in both frames, as gravity, of the source and, after a colon, of
+    /// the target; the same in both is an axis to turn about: 0,0,1 leaves the yaw alone
+    #[arg(long, value_name = "X,Y,Z[:X,Y,Z]", allow_hyphen_values = true)]
+    direction: Option<String>,
+    /// A pose whose rotation is known, or near: a file of its 4×4 matrix
+    #[arg(long, value_name = "T.txt")]
+    near: Option<PathBuf>,
+    /// Degrees within which the rotation of --near is [default: 0, it is known]
+    #[arg(long, value_name = "DEG", requires = "near", allow_negative_numbers = true)]
+    within: Option<f64>,
+    /// Bounds of an estimated scale
+    #[arg(long, value_name = "LOW,HIGH")]
+    scale_bounds: Option<String>,
     /// Any other setting of the method, by its name in the `config` of --json; or, with
     /// the name of a refinement in front, of that: --set icp.max_distance=0.05
     #[arg(long, value_name = "[METHOD.]NAME=VALUE", allow_hyphen_values = true)]
@@ -134,6 +147,14 @@ impl MethodOptions {
             }
         }
         method = method.with(self.flags())?;
+        if let Some(prior) = self.prior()? {
+            method = method.with([("prior", json!(prior))])?;
+            for refinement in &mut refinements {
+                // They keep the scale that was found.
+                let prior = Prior { scale: None, ..prior };
+                *refinement = refinement.clone().with([("prior", json!(prior))])?;
+            }
+        }
         for text in &self.set {
             let (name, value) = assignment(text)?;
             let owner = name.split_once('.').and_then(|(owner, field)| {
@@ -161,6 +182,35 @@ impl MethodOptions {
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
         Ok((options.method()?, Thinning { voxel: None, ..thinning.clone() }))
+    }
+
+    /// What is known of the pose beforehand, if anything was said.
+    fn prior(&self) -> Result<Option<Prior>> {
+        let mut prior = Prior::default();
+        if let Some(text) = &self.direction {
+            let (source, target) = text.split_once(':').unwrap_or((text, text));
+            let read = |part: &str| numbers(part).and_then(|all| all.try_into().ok());
+            let (Some(source), Some(target)) = (read(source), read(target)) else {
+                let rule = "must be X,Y,Z or X,Y,Z:X,Y,Z";
+                return Err(Error::config("direction", text, rule));
+            };
+            prior.direction = Some([source, target]);
+        }
+        if let Some(path) = &self.near {
+            let within_deg = self.within.unwrap_or(0.0);
+            let vector = io::read_transform(path)?.rotation_vector();
+            prior.rotation = Some(Near { vector, within_deg });
+        }
+        if let Some(text) = &self.scale_bounds {
+            let bounds = numbers(text).and_then(|all| <[f64; 2]>::try_from(all).ok());
+            let Some(bounds) = bounds else {
+                return Err(Error::config("scale-bounds", text, "must be LOW,HIGH"));
+            };
+            prior.scale = Some(bounds);
+        }
+        // Here, as JSON would turn NaN into nothing.
+        prior.validate()?;
+        Ok(Some(prior).filter(|prior| !prior.is_none()))
     }
 
     /// The flags that were typed, as settings by name.
@@ -206,10 +256,14 @@ fn assignment(text: &str) -> Result<(&str, Value)> {
     Ok((name.trim(), parsed))
 }
 
+/// Numbers with commas between.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(|x| x.trim().parse().ok()).collect()
+}
+
 /// Three numbers are a viewpoint, anything else the name of a rule.
 fn orientation(text: &str) -> (&'static str, Value) {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    match numbers {
+    match numbers(text) {
         Some(numbers) if numbers.len() == 3 => ("viewpoint", json!(numbers)),
         _ => ("orientation", text.into()),
     }

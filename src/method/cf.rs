@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::{Doubt, MIN_KEYPOINTS};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -66,6 +66,8 @@ pub struct Cf {
     pub solver: Solver,
     /// Whether the clouds may differ in scale; default no.
     pub scale: ScaleEstimate,
+    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    pub prior: Prior,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
@@ -118,10 +120,12 @@ impl Cf {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// Those of [`Describe::validate`], [`Bandwidth::validate`] and [`check_tolerance`].
+    /// Those of [`Describe::validate`], [`Bandwidth::validate`], [`Prior::validate_for`] and
+    /// [`check_tolerance`].
     pub fn validate(&self) -> Result<()> {
         self.describe.validate()?;
         check_tolerance(self.tolerance)?;
+        self.prior.validate_for(self.scale)?;
         self.bandwidth().validate()
     }
 
@@ -191,7 +195,8 @@ impl Cf {
             let (moments, beta) = weigh(&connection)?;
             Ok::<_, crate::Error>((connection, beta, moments))
         })?;
-        let solution = times.time("solve", || pose::solve(&moments, self.solver, self.scale))?;
+        let solution = times
+            .time("solve", || pose::solve_with(&moments, self.solver, self.scale, &self.prior))?;
         let points = PointCounts { source: source_side.counts(), target: target_side.counts() };
         let fewest = points.source.described.min(points.target.described);
         let few = detector.is_some() && fewest < MIN_KEYPOINTS;

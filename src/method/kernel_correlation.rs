@@ -8,7 +8,7 @@ use super::{Method, Refine, Step, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::search;
 use crate::weight::{Gaussian, Normalization};
 
@@ -54,6 +54,8 @@ pub struct KernelCorrelation {
     /// Most iterations a level, at least 1; default 50. A last level that does not settle
     /// in as many is a ground for doubt.
     pub max_iterations: u32,
+    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
     /// Threads, 0 for all cores. Never changes the result.
@@ -68,6 +70,7 @@ impl Default for KernelCorrelation {
             factor: 0.7,
             tolerance: 1e-6,
             max_iterations: 50,
+            prior: Prior::default(),
             trace: false,
             threads: 0,
         }
@@ -150,8 +153,9 @@ impl KernelCorrelation {
             let moments = times.time("moments", || {
                 positions.connection(&pose)?.moments(&kernel, Normalization::None)
             })?;
-            let solution = times
-                .time("solve", || pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed))?;
+            let solution = times.time("solve", || {
+                pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &self.prior)
+            })?;
             pose = solution.transform;
             let objective = moments.weight;
             if self.trace {

@@ -7,9 +7,11 @@
 mod arun;
 mod horn_matrix;
 mod horn_quaternion;
+mod prior;
 mod walker;
 
 pub(crate) use horn_quaternion::product_form;
+pub use prior::{Near, Prior};
 
 use std::fmt;
 use std::str::FromStr;
@@ -85,29 +87,62 @@ pub struct Solution {
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub fn solve(moments: &Moments, solver: Solver, scale: ScaleEstimate) -> Result<Solution> {
+    solve_with(moments, solver, scale, &Prior::default())
+}
+
+/// The same among the poses that `prior` allows, exactly the best of them.
+///
+/// A known direction needs pairs on a line across it or more, a known rotation any.
+///
+/// # Errors
+/// Those of [`solve`], of [`Prior::validate`], and [`Error::Config`] where its parts contradict
+/// each other.
+pub fn solve_with(
+    moments: &Moments,
+    solver: Solver,
+    scale: ScaleEstimate,
+    prior: &Prior,
+) -> Result<Solution> {
+    prior.validate_for(scale)?;
     let centered = moments.centered()?;
     let spread = (centered.source_variance * centered.target_variance).sqrt();
-    if spread.is_nan() || spread <= 0.0 {
+    let known = prior.rotation.is_some_and(|near| near.within_deg == 0.0);
+    let placed = spread > 0.0 && spread.is_finite();
+    if !placed && !known {
         return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
     }
     // Without unit: the solvers' tolerances then hold for clouds of any size.
-    let covariance = centered.covariance.map(|row| math::scaled(row, 1.0 / spread));
+    let unit = if placed { spread } else { 1.0 };
+    let covariance = centered.covariance.map(|row| math::scaled(row, 1.0 / unit));
     let svd = arun::decompose(&covariance)?;
     let singular_values = svd.values;
     let rank = singular_values.iter().filter(|&&value| value > RANK_TOLERANCE).count();
-    if rank < 2 {
-        return Err(Error::Degenerate { rank, singular_values });
-    }
-    let (rotation, walkers) = match solver {
-        Solver::Arun => (arun::rotation(&svd), None),
-        Solver::HornQuaternion => (horn_quaternion::rotation(&covariance)?, None),
-        Solver::HornMatrix => (horn_matrix::rotation(&covariance), None),
-        Solver::Walker => {
-            let (rotation, translation) = walker::motion(moments)?;
-            (rotation, Some(translation))
+    let open = || Error::Degenerate { rank, singular_values };
+    let mut walkers = None;
+    let free = || {
+        if rank < 2 {
+            return Err(open());
         }
+        Ok(match solver {
+            Solver::Arun => arun::rotation(&svd),
+            Solver::HornQuaternion => horn_quaternion::rotation(&covariance)?,
+            Solver::HornMatrix => horn_matrix::rotation(&covariance),
+            Solver::Walker => {
+                let (rotation, translation) = walker::motion(moments)?;
+                walkers = Some(translation).filter(|_| !prior.turns());
+                rotation
+            }
+        })
     };
-    let scale = estimate_scale(scale, &rotation, &covariance, &centered);
+    let rotation = prior.rotation(&covariance, free, open)?;
+    let mut scale = estimate_scale(scale, &rotation, &covariance, &centered);
+    if let Some([low, high]) = prior.scale {
+        scale = scale.clamp(low, high);
+    }
+    if scale.is_nan() || scale <= 0.0 {
+        // Turned so far by the prior that the clouds would have to be mirrored.
+        return Err(open());
+    }
     let translation = match walkers {
         Some(translation) if scale == 1.0 => translation,
         _ => {

@@ -19,7 +19,7 @@ use crate::math::Vec3;
 use crate::method::Cf;
 use crate::moments::{Described, FullConnection, Moments as Sums, WeightedPair, of_pairs};
 use crate::par;
-use crate::pose::{ScaleEstimate, Solver, solve as solved};
+use crate::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
 use crate::weight::{Bandwidth, Composite, Normalization};
 
 /// Sums over all weighted pairs of source points p and target points q, about fixed
@@ -349,6 +349,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
 ///     all give the same answer
 /// scale : "fixed" (1), "umeyama" (least squares; shrinks on a full connection) or
 ///     "symmetric" (square root of the ratio of variances)
+/// prior : cfreg.Prior, what is known of the pose; the answer is the best that it allows
 ///
 /// Returns
 /// -------
@@ -360,16 +361,29 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
 /// DegenerateError : the weighted pairs do not determine a rotation
 /// SettingError : a setting out of range
 #[pyfunction]
-#[pyo3(signature = (moments, solver="arun", scale="fixed"))]
+#[pyo3(signature = (moments, solver="arun", scale="fixed", prior=None))]
 pub(super) fn solve<'py>(
     py: Python<'py>,
     moments: &Bound<'py, Moments>,
     solver: &str,
     scale: &str,
+    prior: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let prior = prior.map(known).transpose()?.unwrap_or_default();
     let solver: Solver = solver.parse().map_err(|error| about("solver", error))?;
     let scale: ScaleEstimate = scale.parse().map_err(|error| about("scale", error))?;
     // Some microseconds: no need to let others run.
-    let solution = solved(&moments.get().0, solver, scale).map_err(exception)?;
+    let solution = solved(&moments.get().0, solver, scale, &prior).map_err(exception)?;
     Ok(table(py, 4, solution.transform.matrix().concat()))
+}
+
+/// A `cfreg.Prior`, by its facts in JSON.
+fn known(prior: &Bound<'_, PyAny>) -> PyResult<Prior> {
+    let class = prior.py().import("cfreg")?.getattr("Prior")?;
+    if !prior.is_instance(&class)? {
+        return Err(PyTypeError::new_err(format!("prior: a cfreg.Prior is needed, not {prior}")));
+    }
+    let facts = prior.call_method0("_facts")?;
+    let text: String = prior.py().import("json")?.call_method1("dumps", (facts,))?.extract()?;
+    serde_json::from_str(&text).map_err(|error| SettingError::new_err(format!("prior: {error}")))
 }

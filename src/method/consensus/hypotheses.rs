@@ -11,7 +11,7 @@ use crate::math::{self, Vec3};
 use crate::method::graph::{Graph, members};
 use crate::moments::Moments;
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
 /// Most different distances of compatible matches, in lengths.
 const COMPATIBLE: f64 = 1.5;
@@ -74,26 +74,30 @@ impl Matches {
         (0..self.len()).map(agrees).sum()
     }
 
-    fn solve(&self, weighted: impl Iterator<Item = (usize, f64)>) -> Option<Transform> {
+    fn solve(
+        &self,
+        weighted: impl Iterator<Item = (usize, f64)>,
+        prior: &Prior,
+    ) -> Option<Transform> {
         let mut moments = Moments::about([0.0; 3], [0.0; 3]);
         let place = |p: [f32; 3]| -> Vec3 { p.map(f64::from) };
         for (k, weight) in weighted {
             let weight = weight * self.weights[k];
             moments.add_pair(weight, place(self.source[k]), place(self.target[k]));
         }
-        let solved = pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed);
+        let solved = pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior);
         solved.ok().map(|solution| solution.transform)
     }
 
     /// The pose that the matches within shrinking bounds of it settle on.
-    fn settle(&self, mut pose: Transform) -> Transform {
+    fn settle(&self, mut pose: Transform, prior: &Prior) -> Transform {
         for bound in BOUNDS {
             let square = (bound * self.reach()).powi(2);
             let near = (0..self.len()).filter_map(|k| {
                 let rest = 1.0 - self.squared_residual(&pose, k) / square;
                 (rest > 0.0).then_some((k, rest * rest))
             });
-            match self.solve(near) {
+            match self.solve(near, prior) {
                 Some(next) => pose = next,
                 None => break,
             }
@@ -101,8 +105,8 @@ impl Matches {
         pose
     }
 
-    /// The poses of at most `seeds` matches, best supported first.
-    pub(super) fn hypotheses(&self, seeds: usize) -> Vec<Hypothesis> {
+    /// The poses of at most `seeds` matches that `prior` allows, best supported first.
+    pub(super) fn hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
         let graph = self.compatible();
         let common = |i: usize, j: usize| -> usize {
             graph.row(i).iter().zip(graph.row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
@@ -124,7 +128,7 @@ impl Matches {
             mates.truncate(MATES);
             let own = mates.first().map_or(1, |&(most, _)| most);
             let weighted = mates.iter().map(|&(common, j)| (j, common as f64));
-            let pose = self.settle(self.solve(weighted.chain([(seed, own as f64)]))?);
+            let pose = self.settle(self.solve(weighted.chain([(seed, own as f64)]), prior)?, prior);
             Some(Hypothesis { pose, support: self.support(&pose) })
         };
         let (mut tried, mut next) = (0, order.into_iter());
@@ -147,7 +151,7 @@ impl Matches {
         }
         if found.is_empty() {
             // No two agree: all of them have a pose still, to be judged for what it is.
-            let all = self.solve((0..self.len()).map(|k| (k, 1.0)));
+            let all = self.solve((0..self.len()).map(|k| (k, 1.0)), prior);
             found.extend(all.map(|pose| Hypothesis { pose, support: self.support(&pose) }));
         }
         found.sort_by(|a, b| b.support.total_cmp(&a.support));
@@ -179,7 +183,7 @@ mod tests {
     fn a_few_right_matches_among_many_wrong_are_found() {
         let turn = Transform::from_rotation_vector([0.4, 2.0, -1.0]);
         let truth = Transform { translation: [3.0, -8.0, 5.0], ..turn };
-        let found = matches(25, 475, &truth).hypotheses(200);
+        let found = matches(25, 475, &truth).hypotheses(200, &Prior::default());
         let off = truth.after(&found[0].pose.inverse());
         assert!(off.angle().to_degrees() < 0.5, "{}", off.angle().to_degrees());
         // All that are right agree, and hardly a wrong one with them.
@@ -193,9 +197,9 @@ mod tests {
     fn few_matches_have_a_pose_that_nothing_supports() {
         let truth = Transform::IDENTITY;
         for few in 0..3 {
-            assert!(matches(few, 0, &truth).hypotheses(200).is_empty());
+            assert!(matches(few, 0, &truth).hypotheses(200, &Prior::default()).is_empty());
         }
-        let found = matches(0, 5, &truth).hypotheses(200);
+        let found = matches(0, 5, &truth).hypotheses(200, &Prior::default());
         assert!(found.len() == 1 && found[0].support < 2.0, "{found:?}");
     }
 }

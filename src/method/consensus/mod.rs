@@ -19,7 +19,7 @@ use crate::filter;
 use crate::math::{self, Vec3};
 use crate::moments::FullConnection;
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::{Doubt, PoseCovariance, RunnerUp, Verdict};
 
 /// Global registration of scans that overlap in part: the method for clouds of which nothing is
@@ -63,13 +63,17 @@ pub struct Consensus {
     /// Matches from which a pose is sought, at least 1; default 200. More find smaller
     /// overlaps, at a cost that grows with them.
     pub seeds: usize,
+    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing.
+    /// Poses of matches are exactly the best allowed; on the surfaces the nearest allowed pose
+    /// is taken after each step.
+    pub prior: Prior,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
 impl Default for Consensus {
     fn default() -> Self {
-        Consensus { voxel: None, seeds: 200, threads: 0 }
+        Consensus { voxel: None, seeds: 200, prior: Prior::default(), threads: 0 }
     }
 }
 
@@ -121,7 +125,7 @@ impl Consensus {
         if self.seeds == 0 {
             return Err(Error::config("seeds", 0, "must be at least 1"));
         }
-        Ok(())
+        self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
     /// The length that all others follow from.
@@ -165,7 +169,8 @@ impl Consensus {
         };
         let [from, onto] = &best.surfaces;
         let ends = [from, onto];
-        let settled = times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER));
+        let settled =
+            times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
         let evidence = Evidence::of(ends, &best.matches, &settled.pose, LOOK.most);
         let runner_up = runner_up(&attempts, &best.surfaces, &settled.pose, length);
         let covariance =
@@ -222,7 +227,7 @@ impl Consensus {
             par::both(seen, |(scan, view)| scan.surface(*view))
         })?;
         let matches = times.time("matches", || matched(&source, &target, length))?;
-        let found = times.time("hypotheses", || matches.hypotheses(self.seeds));
+        let found = times.time("hypotheses", || matches.hypotheses(self.seeds, &self.prior));
         let corners = corners(&source);
         let mut distinct: Vec<Transform> = Vec::new();
         for hypothesis in found {
@@ -247,7 +252,12 @@ impl Consensus {
             sorted(par::map(
                 best.len(),
                 || (),
-                |_, i| judged(settle(ends, &best[i].pose, REACH * length, LOOK).pose, LOOK.most),
+                |_, i| {
+                    judged(
+                        settle(ends, &best[i].pose, REACH * length, LOOK, &self.prior).pose,
+                        LOOK.most,
+                    )
+                },
             ))
         });
         Ok(Attempt { surfaces: [source, target], matches, candidates })

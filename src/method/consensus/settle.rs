@@ -6,6 +6,7 @@ use crate::cloud::Transform;
 use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Vec3};
 use crate::moments::Moments;
+use crate::pose::Prior;
 use crate::quality::{Contact, PoseCovariance};
 
 /// Cosine of the angle between normals above which points are paired, whichever way they face.
@@ -38,12 +39,13 @@ pub(super) struct Effort {
 }
 
 /// Moves the pose `start`, local frame to local frame, until it rests; pairs are at most `reach`
-/// apart.
+/// apart. After each step the pose is the nearest that `prior` allows.
 pub(super) fn settle(
     [source, target]: [&Surface; 2],
     start: &Transform,
     reach: f64,
     Effort { most, steps, rest }: Effort,
+    prior: &Prior,
 ) -> Settled {
     let stride = source.len().div_ceil(most).max(1);
     let none = Moments::about(source.origin, target.origin);
@@ -66,7 +68,9 @@ pub(super) fn settle(
         let shift = math::scaled([x, y, z], reach);
         let turn = Transform::from_rotation_vector([a, b, c]);
         let moved = Transform { translation: shift, ..turn };
-        settled = Settled { pose: moved.after(&settled.pose), moments, steps: step + 1 };
+        let center = math::scaled(moments.source_sum, 1.0 / moments.weight);
+        let Ok(pose) = prior.nearest(&moved.after(&settled.pose), center) else { break };
+        settled = Settled { pose, moments, steps: step + 1 };
         if math::norm([a, b, c]) < 0.01 * rest && math::norm(shift) < rest * reach {
             break;
         }
@@ -171,14 +175,14 @@ mod tests {
         };
         let turn = Transform::from_rotation_vector([0.02, -0.01, 0.02]);
         let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
-        let settled = settle(ends, &start, 1.5, WHOLE);
+        let settled = settle(ends, &start, 1.5, WHOLE, &Prior::default());
         let off = truth.after(&settled.pose.inverse());
         // A part of the spacing of 1, at which both sample the bumps.
         assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.2, "{off:?}");
         assert!(settled.moments.weight > 100.0 && settled.steps > 2);
         // From far away nothing is paired: the pose stays.
         let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
-        let stays = settle(ends, &far, 1.5, WHOLE);
+        let stays = settle(ends, &far, 1.5, WHOLE, &Prior::default());
         assert_eq!((stays.pose, stays.steps), (far, 0));
     }
 }

@@ -12,7 +12,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
 /// Least σ in root mean square radii of the target: a few roundings of f32 coordinates.
 const SIGMA_FLOOR: f64 = 1e-6;
@@ -66,6 +66,8 @@ pub struct Cpd {
     /// in f64. 0 always weighs all pairs; σ then ends at a thousandth of the target's
     /// radius, and weights below e⁻⁸⁷ vanish.
     pub truncation: f64,
+    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
     /// Threads, 0 for all cores. Never changes the result.
@@ -81,6 +83,7 @@ impl Default for Cpd {
             tolerance: 1e-6,
             max_iterations: 150,
             truncation: 1e-7,
+            prior: Prior::default(),
             trace: false,
             threads: 0,
         }
@@ -136,8 +139,9 @@ impl Cpd {
             let expectation: Expectation =
                 times.time("moments", || mixture.expectation(&pose, sigma))?;
             let moments = expectation.moments;
-            let solution =
-                times.time("solve", || pose::solve(&moments, Solver::Arun, self.scale))?;
+            let solution = times.time("solve", || {
+                pose::solve_with(&moments, Solver::Arun, self.scale, &self.prior)
+            })?;
             if solution.transform.scale.is_nan() || solution.transform.scale <= 0.0 {
                 return Err(Error::Degenerate {
                     rank: 0,

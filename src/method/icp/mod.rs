@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::math;
 use crate::moments::{self, Moments};
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::{self, Doubt};
 use crate::weight::WeightScheme;
 
@@ -82,6 +82,10 @@ pub struct Icp {
     pub relative_error_tolerance: f64,
     /// The same as an absolute change, in squared target units, 0 or more; default 0.
     pub error_tolerance: f64,
+    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing.
+    /// Exact for point to point; the other metrics take after each step the allowed pose that
+    /// is nearest.
+    pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
     /// Threads, 0 for all cores. Never changes the result.
@@ -103,6 +107,7 @@ impl Default for Icp {
             translation_tolerance: 1e-6,
             relative_error_tolerance: 0.0,
             error_tolerance: 0.0,
+            prior: Prior::default(),
             trace: false,
             threads: 0,
         }
@@ -180,6 +185,7 @@ impl Icp {
                 return Err(Error::config(field, value, "must be finite, 0 or more"));
             }
         }
+        self.prior.validate_for(ScaleEstimate::Fixed)?;
         // Its own range check (ν of student-t).
         self.weights.weight(1.0, 0.0).map(|_| ())
     }
@@ -232,8 +238,10 @@ impl Icp {
             let moments = moments::of_pairs(source, target, &pairs)?;
             let on = Connected { source, target, pairs: &pairs };
             transform = times.time("solve", || match &surfaces {
-                Some(surfaces) => surfaces.step(on, &transform),
-                None => closed_form(&moments, transform.scale),
+                Some(surfaces) => self
+                    .prior
+                    .nearest(&surfaces.step(on, &transform)?, moments.centered()?.source_mean),
+                None => closed_form(&moments, transform.scale, &self.prior),
             })?;
             if config.trace {
                 let (objective, weight) = (error.sqrt(), moments.weight);
@@ -283,8 +291,8 @@ impl Icp {
 }
 
 /// The pose of least squared distance that keeps the scale it started with.
-fn closed_form(moments: &Moments, scale: f64) -> Result<Transform> {
-    let found = pose::solve(moments, Solver::Arun, ScaleEstimate::Fixed)?.transform;
+fn closed_form(moments: &Moments, scale: f64, prior: &Prior) -> Result<Transform> {
+    let found = pose::solve_with(moments, Solver::Arun, ScaleEstimate::Fixed, prior)?.transform;
     if scale == 1.0 {
         return Ok(found);
     }

@@ -21,7 +21,7 @@ use super::rotation::{self, Schedule};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::math::{self, Mat3, Vec3};
-use crate::pose;
+use crate::pose::{self, Prior};
 use crate::quality;
 
 /// How far from the best the rotation can be.
@@ -76,7 +76,7 @@ pub(super) fn certify(
 /// A rotation that is the least-squares one of the measurements within its bound of 1, and
 /// its truncated cost.
 fn optimum(measurements: &[(Vec3, Vec3)], schedule: Schedule) -> Result<(Mat3, f64)> {
-    let (rounds, _) = rotation::solve(measurements, 1.0, schedule)?;
+    let (rounds, _) = rotation::solve(measurements, 1.0, schedule, &Prior::default())?;
     let mut rotation = rounds.last().map_or(math::IDENTITY, |round| round.rotation);
     let mut weights = Vec::new();
     // Every pass lowers the cost, so that it ends; a limit all the same.
@@ -86,7 +86,7 @@ fn optimum(measurements: &[(Vec3, Vec3)], schedule: Schedule) -> Result<(Mat3, f
         if kept == weights {
             break;
         }
-        rotation = rotation::closed_form(measurements, &kept)?;
+        rotation = rotation::closed_form(measurements, &kept, &Prior::default())?;
         weights = kept;
     }
     Ok((rotation, residuals(measurements, &rotation).map(|r| r.min(1.0)).sum()))

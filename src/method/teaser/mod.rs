@@ -19,7 +19,7 @@ use crate::math::{self, Vec3};
 use crate::method::graph::Graph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::Doubt;
 use crate::search;
 pub use certificate::Certificate;
@@ -78,6 +78,9 @@ pub struct Teaser {
     /// Whether to bound how much better than the rotation found any other could be; default
     /// no. Takes seconds, where it fails half a minute, and changes nothing else: see [`Certificate`].
     pub certify: bool,
+    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing. The
+    /// certificate is of the rotation alone: not together with it.
+    pub prior: Prior,
     /// Whether to record every iteration of the rotation: its objective is the truncated
     /// cost Σ w r²/(2β)² that `cost_threshold` is about.
     pub trace: bool,
@@ -97,6 +100,7 @@ impl Default for Teaser {
             max_iterations: 1000,
             clique_steps: 5_000_000,
             certify: false,
+            prior: Prior::default(),
             trace: false,
             threads: 0,
         }
@@ -156,7 +160,11 @@ impl Teaser {
         if self.clique_steps == 0 {
             return Err(Error::config("clique_steps", 0, "must be at least 1"));
         }
-        Ok(())
+        if self.certify && !self.prior.is_none() {
+            let rule = "bounds all rotations, not those of a prior: leave one of them out";
+            return Err(Error::config("certify", true, rule));
+        }
+        self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
     /// The pose from matches that are given: indices of a source and of a target point each.
@@ -242,7 +250,7 @@ impl Teaser {
         let kept = matches.select(&clique.members);
         let (rounds, settled) = times.time("rotation", || {
             let differences = scaled(kept.differences(ROTATION_DIFFERENCES), scale);
-            rotation::solve(&differences, difference_bound, self.schedule())
+            rotation::solve(&differences, difference_bound, self.schedule(), &self.prior)
         })?;
         let pose = |round: &Round| translated(&kept, &round.rotation, scale, bound);
         let transform = rounds.last().map_or(Transform::IDENTITY, pose);

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::{self, Mat3, Vec3};
 use crate::moments::Moments;
-use crate::pose::{self, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
 /// When the control parameter has done its work.
 #[derive(Debug, Clone, Copy)]
@@ -40,13 +40,14 @@ pub(super) fn solve(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
     schedule: Schedule,
+    prior: &Prior,
 ) -> Result<(Vec<Round>, bool)> {
     let square = bound * bound;
     let mut weights = vec![1.0; measurements.len()];
     let mut rounds: Vec<Round> = Vec::new();
     let mut control = 0.0;
     loop {
-        let rotation = match closed_form(measurements, &weights) {
+        let rotation = match closed_form(measurements, &weights, prior) {
             Ok(rotation) => rotation,
             // Hardly any measurement agrees with another: the last rotation is as good.
             Err(Error::Degenerate { .. }) if !rounds.is_empty() => return Ok((rounds, true)),
@@ -95,13 +96,18 @@ fn truncated(squared: f64, control: f64) -> f64 {
 
 /// Every measurement is counted with both signs, which makes the means zero: the rotation
 /// of differences knows no translation.
-pub(super) fn closed_form(measurements: &[(Vec3, Vec3)], weights: &[f64]) -> Result<Mat3> {
+pub(super) fn closed_form(
+    measurements: &[(Vec3, Vec3)],
+    weights: &[f64],
+    prior: &Prior,
+) -> Result<Mat3> {
     let mut moments = Moments::about([0.0; 3], [0.0; 3]);
     for (&(a, b), &weight) in measurements.iter().zip(weights) {
         moments.add_pair(weight, a, b);
         moments.add_pair(weight, math::scaled(a, -1.0), math::scaled(b, -1.0));
     }
-    Ok(pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?.transform.rotation)
+    let solution = pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior)?;
+    Ok(solution.transform.rotation)
 }
 
 #[cfg(test)]
@@ -127,7 +133,7 @@ mod tests {
         // Two that agree in one direction, and a third at an impossible angle to them.
         let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         let measurements = [(x, x), (x, x), (y, [0.6, 0.8, 0.0])];
-        let (rounds, settled) = solve(&measurements, 1e-3, SCHEDULE).unwrap();
+        let (rounds, settled) = solve(&measurements, 1e-3, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         assert!(settled && rounds.len() > 1 && last.weight < 3.0, "{rounds:?}");
         assert!((math::determinant(&last.rotation) - 1.0).abs() < 1e-9);
@@ -146,14 +152,14 @@ mod tests {
             (a, if i.is_multiple_of(3) { at(i, 2.9) } else { truth.rotate(a) })
         };
         let measurements: Vec<_> = (0..90).map(measure).collect();
-        let (rounds, settled) = solve(&measurements, 0.01, SCHEDULE).unwrap();
+        let (rounds, settled) = solve(&measurements, 0.01, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         let error = math::frobenius(&math::mat_sub(&last.rotation, &truth.rotation));
         assert!(settled && error < 1e-6, "{error} after {}", rounds.len());
         assert!((last.weight - 60.0).abs() < 1.0, "{}", last.weight);
         let short = Schedule { max_iterations: 2, ..SCHEDULE };
         assert!(
-            matches!(solve(&measurements, 0.01, short), Ok((rounds, false)) if rounds.len() == 2)
+            matches!(solve(&measurements, 0.01, short, &Prior::default()), Ok((rounds, false)) if rounds.len() == 2)
         );
     }
 }

@@ -62,12 +62,13 @@ from .methods import (
     method,
     register,
 )
+from .prior import Prior
 from .results import (
     Doubt,
     Evaluation,
     Judgement,
-    Registration,
     PoseCovariance,
+    Registration,
     RunnerUp,
     TruthError,
     Verdict,
@@ -95,9 +96,10 @@ __all__ = [
     "NoWeightError",
     "NonFiniteError",
     "PointCloud",
+    "PoseCovariance",
+    "Prior",
     "Registration",
     "RegistrationError",
-    "PoseCovariance",
     "RunnerUp",
     "SettingError",
     "ShapeError",

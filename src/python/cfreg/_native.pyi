@@ -7,6 +7,7 @@ from typing import Any, Final, TypeAlias, final
 import numpy as np
 import numpy.typing as npt
 
+from .prior import Prior
 from .weights import Kernel, Weights
 
 __all__ = [
@@ -165,7 +166,9 @@ def moments(
 def moments_of_pairs(
     source_points: _CloudLike, target_points: _CloudLike, pairs: Any, weights: Any = None
 ) -> Moments: ...
-def solve(moments: Moments, solver: str = "arun", scale: str = "fixed") -> npt.NDArray[np.float64]: ...
+def solve(
+    moments: Moments, solver: str = "arun", scale: str = "fixed", prior: Prior | None = None
+) -> npt.NDArray[np.float64]: ...
 def register(
     source: _CloudLike,
     target: _CloudLike,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Union
 import numpy as np
 
 from .. import _interop, _native
+from ..prior import Prior
 from ..results import Registration
 
 if TYPE_CHECKING:
@@ -55,7 +56,11 @@ class Method:
         return self.name, _interop.to_json({k: v for k, v in given.items() if v is not None})
 
     def _given(self) -> dict[str, Any]:
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        given = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        prior = given.get("prior")
+        if isinstance(prior, Prior):
+            given["prior"] = prior._facts()
+        return given
 
     def _register(
         self, source: Any, target: Any, refine: Refinements, **others: Any

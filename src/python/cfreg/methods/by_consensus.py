@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..prior import Prior
 from .base import Method
 
 
@@ -18,6 +19,7 @@ class Consensus(Method):
         thinned to one point per cube of this side. None: such that 5000 points are left of
         the cloud where it is longer
     seeds : matches from which a pose is sought, at least 1; more find smaller overlaps
+    prior : cfreg.Prior, what is known of the pose beforehand
 
     >>> import cfreg
     >>> cfreg.Consensus().voxel is None
@@ -27,4 +29,5 @@ class Consensus(Method):
     name: ClassVar[str] = "consensus"
     voxel: float | None = None
     seeds: int = 200
+    prior: Prior | None = None
     threads: int = 0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .. import _native
+from ..prior import Prior
 from ..results import Registration
 from ..weights import Kernel, Weights, _kernel
 from .base import Describing, Refinements
@@ -40,6 +41,7 @@ class CF(Describing):
         point ("viewpoint", "outward", "stored", or three numbers), whose FPFH
     channels : names of channels of both clouds to compare points by too, ("intensity:0.5",
         "red") with a share: 1, the default, matters as much as the whole shape
+    prior : cfreg.Prior, what is known of the pose beforehand
 
     >>> import cfreg
     >>> cfreg.CF(neighbors=100, normalize="both").beta is None
@@ -53,6 +55,7 @@ class CF(Describing):
     tolerance: float = 0.0
     solver: str = "arun"
     scale: str = "fixed"
+    prior: Prior | None = None
     threads: int = 0
 
     @classmethod
@@ -130,6 +133,7 @@ class TEASER(Describing):
     gnc_factor, cost_threshold, max_iterations : of the graduated non-convexity
     clique_steps : most steps of the search for the largest consistent set
     certify : whether to bound how far the rotation is from the best
+    prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram,
         channels : see CF
@@ -144,6 +148,7 @@ class TEASER(Describing):
     max_iterations: int = 1000
     clique_steps: int = 5_000_000
     certify: bool = False
+    prior: Prior | None = None
     trace: bool = False
     threads: int = 0
 

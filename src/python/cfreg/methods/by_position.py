@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from .. import _native
+from ..prior import Prior
 from .base import Starting
 
 
@@ -26,6 +27,7 @@ class ICP(Starting):
         radii of the target
     relative_error_tolerance, error_tolerance : change of the mean squared distance below
         which it rests
+    prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     """
 
@@ -42,6 +44,7 @@ class ICP(Starting):
     translation_tolerance: float = 1e-6
     relative_error_tolerance: float = 0.0
     error_tolerance: float = 0.0
+    prior: Prior | None = None
     trace: bool = False
     threads: int = 0
 
@@ -71,6 +74,7 @@ class KC(Starting):
     factor : by which it shrinks, above 0 and below 1
     tolerance : step below which a bandwidth is done with
     max_iterations : of each bandwidth, at least 1
+    prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     """
 
@@ -80,6 +84,7 @@ class KC(Starting):
     factor: float = 0.7
     tolerance: float = 1e-6
     max_iterations: int = 50
+    prior: Prior | None = None
     trace: bool = False
     threads: int = 0
 
@@ -94,6 +99,7 @@ class CPD(Starting):
     tolerance : change of the likelihood below which it rests
     max_iterations : at least 1
     truncation : share of a weight below which pairs are left out
+    prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     """
 
@@ -104,6 +110,7 @@ class CPD(Starting):
     tolerance: float = 1e-6
     max_iterations: int = 150
     truncation: float = 1e-7
+    prior: Prior | None = None
     trace: bool = False
     threads: int = 0
 

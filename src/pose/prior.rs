@@ -1,0 +1,478 @@
+//! What is known of a pose beforehand, kept exactly by the closed form.
+//!
+//! All solvers maximise tr(R C), C the weighted cross-covariance; they differ in how R is written.
+//! What a prior leaves free has a closed form of its own: about a known axis an angle, on the
+//! bound of an angle the root of one monotone equation.
+
+use serde::{Deserialize, Serialize};
+
+use super::{RANK_TOLERANCE, ScaleEstimate, product_form, quaternion_matrix};
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+use crate::math::{self, IDENTITY, Mat3, Vec3};
+
+/// What is known of a pose beforehand. Nothing by default; what is set holds together.
+///
+/// ```
+/// use cfreg::{moments::Moments, pose::{self, Prior, ScaleEstimate, Solver}};
+/// // Two places are too few for a rotation, but not for one about the vertical.
+/// let mut moments = Moments::about([0.0; 3], [0.0; 3]);
+/// moments.add_pair(1.0, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+/// moments.add_pair(1.0, [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]);
+/// let prior = Prior { direction: Some([[0.0, 0.0, 1.0]; 2]), ..Prior::default() };
+/// assert!(pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed).is_err());
+/// let found = pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior)?;
+/// assert!((found.transform.angle().to_degrees() - 90.0).abs() < 1e-9);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Prior {
+    /// A direction in the source's frame and the same one in the target's, of any length: the
+    /// rotation maps the first to the second. Gravity, where both were measured; the same twice
+    /// is a fixed axis, and \[0, 0, 1\] twice leaves the yaw alone.
+    pub direction: Option<[Vec3; 2]>,
+    /// The rotation that is known, or that the one sought is near to.
+    pub rotation: Option<Near>,
+    /// Least and largest scale, both above 0. Only where a scale is estimated.
+    pub scale: Option<[f64; 2]>,
+}
+
+/// Rotations at most an angle away from one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Near {
+    /// Rotation vector, radians: axis times angle, source into target frame.
+    pub vector: Vec3,
+    /// Largest angle to it, degrees in [0, 180]; 0 where the rotation is known.
+    #[serde(default)]
+    pub within_deg: f64,
+}
+
+/// How far over a bound rounding may take a cosine.
+const ROUNDING: f64 = 1e-9;
+
+impl Prior {
+    /// Whether nothing is known.
+    pub fn is_none(&self) -> bool {
+        *self == Prior::default()
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the name of the part that is out of its range, and where a direction
+    /// and a rotation contradict each other.
+    pub fn validate(&self) -> Result<()> {
+        let bad = |part: &str, value: String, rule: &str| {
+            Err(Error::config("prior", format!("{part} {value}"), rule))
+        };
+        for direction in self.direction.iter().flatten() {
+            let length = math::norm(*direction);
+            if !(length > 1e-150 && length < 1e150) {
+                let rule = "a direction must be three finite numbers, not all 0";
+                return bad("direction", format!("{direction:?}"), rule);
+            }
+        }
+        if let Some(Near { vector, within_deg }) = self.rotation {
+            if !math::norm(vector).is_finite() {
+                let rule = "a rotation vector must be three finite numbers";
+                return bad("rotation", format!("{vector:?}"), rule);
+            }
+            if !(0.0..=180.0).contains(&within_deg) {
+                return bad("within_deg", within_deg.to_string(), "must be from 0 to 180");
+            }
+        }
+        match self.scale {
+            Some([low, high]) if !(low > 0.0 && low <= high && high.is_finite()) => {
+                let rule = "must be two scales above 0, the smaller one first";
+                bad("scale", format!("[{low}, {high}]"), rule)
+            }
+            _ => match (self.direction, self.rotation) {
+                // Whether they contradict each other depends on no pair.
+                (Some(direction), Some(_)) => {
+                    about(direction, self.rotation, &IDENTITY, || Error::NoWeight)
+                        .map(|_| ())
+                        .or_else(|error| match error {
+                            Error::NoWeight => Ok(()),
+                            error => Err(error),
+                        })
+                }
+                _ => Ok(()),
+            },
+        }
+    }
+
+    /// Checks the ranges, and that scales are bounded only where one is estimated.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with what is wrong.
+    pub fn validate_for(&self, scale: ScaleEstimate) -> Result<()> {
+        self.validate()?;
+        if self.scale.is_some() && scale == ScaleEstimate::Fixed {
+            let rule = "bounds of a scale need one that is estimated (umeyama or symmetric)";
+            return Err(Error::config("prior", "scale", rule));
+        }
+        Ok(())
+    }
+
+    /// The allowed pose nearest to `pose`: of its rotations the nearest (by ‖R − R'‖_F), which
+    /// puts `center`, in the source's frame, where `pose` does.
+    ///
+    /// # Errors
+    /// As [`pose::solve_with`](super::solve_with).
+    pub fn nearest(&self, pose: &Transform, center: Vec3) -> Result<Transform> {
+        if !self.turns() {
+            return Ok(*pose);
+        }
+        let open = || Error::Degenerate { rank: 0, singular_values: [0.0; 3] };
+        let rotation =
+            self.rotation(&math::transpose(&pose.rotation), || Ok(pose.rotation), open)?;
+        let found = Transform { rotation, ..*pose };
+        let shift = math::sub(pose.apply(center), found.apply(center));
+        Ok(Transform { translation: math::add(found.translation, shift), ..found })
+    }
+
+    /// Whether the rotation is restricted.
+    pub(super) fn turns(&self) -> bool {
+        self.direction.is_some() || self.rotation.is_some()
+    }
+
+    /// The rotation that maximises tr(R C) among those allowed; `free` is the best of all.
+    ///
+    /// # Errors
+    /// [`Error::Degenerate`] where the pairs leave open what the prior does, [`Error::Config`]
+    /// where its direction and rotation contradict each other.
+    pub(super) fn rotation(
+        &self,
+        covariance: &Mat3,
+        free: impl FnOnce() -> Result<Mat3>,
+        open: impl FnOnce() -> Error,
+    ) -> Result<Mat3> {
+        match (self.direction, self.rotation) {
+            (Some(direction), near) => about(direction, near, covariance, open),
+            (None, Some(near)) => within(&near, covariance, free),
+            (None, None) => free(),
+        }
+    }
+}
+
+impl Near {
+    fn center(&self) -> Mat3 {
+        Transform::from_rotation_vector(self.vector).rotation
+    }
+
+    fn angle(&self) -> f64 {
+        self.within_deg.to_radians()
+    }
+}
+
+/// tr(R M) over the turns R about the unit vector `axis`, as (a, b, c) of
+/// a cos θ + b sin θ + c.
+fn about_axis(axis: Vec3, m: &Mat3) -> (f64, f64, f64) {
+    let kept = math::dot(axis, math::mat_vec(m, axis));
+    let skew = [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]];
+    (math::trace(m) - kept, math::dot(axis, skew), kept)
+}
+
+/// The shortest turn from one unit vector to another.
+fn shortest(from: Vec3, to: Vec3) -> Mat3 {
+    let cross = math::cross(from, to);
+    let axis = match math::norm(cross) > 1e-12 {
+        true => math::normalized(cross),
+        // Opposite or equal: any axis across.
+        false => {
+            let least = (0..3).min_by(|&i, &j| from[i].abs().total_cmp(&from[j].abs()));
+            math::normalized(math::cross(from, IDENTITY[least.unwrap_or(0)]))
+        }
+    };
+    let angle = math::norm(cross).atan2(math::dot(from, to));
+    Transform::from_rotation_vector(math::scaled(axis, angle)).rotation
+}
+
+/// The turn that maps one direction to the other, near a rotation where one is known.
+fn about(
+    direction: [Vec3; 2],
+    near: Option<Near>,
+    covariance: &Mat3,
+    open: impl FnOnce() -> Error,
+) -> Result<Mat3> {
+    let [from, axis] = direction.map(math::normalized);
+    let start = shortest(from, axis);
+    let (a, b, _) = about_axis(axis, &math::mat_mul(&start, covariance));
+    // Angles from which on all are too far from the known rotation, about its own.
+    let bound = match near {
+        None => None,
+        Some(near) => {
+            let off = math::mat_mul(&start, &math::transpose(&near.center()));
+            let (p, q, kept) = about_axis(axis, &off);
+            let cosine = (1.0 + 2.0 * near.angle().cos() - kept) / p.hypot(q);
+            if cosine > 1.0 + ROUNDING || cosine.is_nan() {
+                let value = format!("rotation within {} degrees", near.within_deg);
+                let rule = "no rotation that near maps one direction to the other: widen it";
+                return Err(Error::config("prior", value, rule));
+            }
+            (cosine > -1.0).then(|| (q.atan2(p), cosine.min(1.0).acos()))
+        }
+    };
+    let best = b.atan2(a);
+    let angle = match bound {
+        Some((middle, reach)) => {
+            let turn = std::f64::consts::TAU;
+            let off = best - middle;
+            middle + (off - turn * (off / turn).round()).clamp(-reach, reach)
+        }
+        None => best,
+    };
+    let fixed = bound.is_some_and(|(_, reach)| reach < 1e-6);
+    if a.hypot(b) <= RANK_TOLERANCE && !fixed {
+        return Err(open());
+    }
+    let turn = Transform::from_rotation_vector(math::scaled(axis, angle)).rotation;
+    Ok(math::mat_mul(&turn, &start))
+}
+
+/// The rotation near a known one: the best of all where that is, else the best on the bound.
+///
+/// On it the quaternion, from the known rotation on, is (cos α/2, u sin α/2) with a unit vector u
+/// that maximises uᵀ B u + 2 k nᵀ u, B and n from Horn's matrix: (μ − B) u = k n with the μ above
+/// the eigenvalues of B that gives u its length.
+fn within(near: &Near, covariance: &Mat3, free: impl FnOnce() -> Result<Mat3>) -> Result<Mat3> {
+    let center = near.center();
+    if near.within_deg == 0.0 {
+        return Ok(center);
+    }
+    let free = free()?;
+    let off = math::mat_mul(&free, &math::transpose(&center));
+    if Transform::rigid(off, [0.0; 3]).angle() <= near.angle() {
+        return Ok(free);
+    }
+    let [[_, n1, n2, n3], rows @ ..] = product_form(&math::mat_mul(&center, covariance));
+    let block = rows.map(|[_, x, y, z]| [x, y, z]);
+    let (sin, cos) = (near.angle() / 2.0).sin_cos();
+    let (values, vectors) = math::eigen::symmetric(&block);
+    let pulls = vectors.map(|v| cos / sin * math::dot(v, [n1, n2, n3]));
+    let size = math::norm(pulls);
+    let length = |mu: f64| {
+        let part = |k: usize| pulls[k] / (mu - values[k]);
+        (0..3).map(|k| part(k) * part(k)).sum::<f64>()
+    };
+    let (mut low, mut high) = (values[2], values[2] + size);
+    // To the last bit.
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            break;
+        }
+        // NaN, 0/0 on an eigenvalue, is no length above 1.
+        if length(middle) > 1.0 { low = middle } else { high = middle }
+    }
+    let mut parts = [0, 1, 2].map(|k| match high - values[k] {
+        gap if gap > 0.0 => pulls[k] / gap,
+        _ => 0.0,
+    });
+    // Where nothing pulls along the best eigenvector, either way along it is as good.
+    let rest = 1.0 - math::dot(parts, parts);
+    if rest > 0.0 {
+        parts[2] += (parts[2] * parts[2] + rest).sqrt().copysign(parts[2]) - parts[2];
+    }
+    let axis = math::normalized([0, 1, 2].map(|i| (0..3).map(|k| vectors[k][i] * parts[k]).sum()));
+    let [x, y, z] = math::scaled(axis, sin);
+    Ok(math::mat_mul(&quaternion_matrix([cos, x, y, z]), &center))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::moments::Moments;
+    use crate::pose::{Solver, solve, solve_with};
+    use proptest::prelude::*;
+
+    fn moments(pairs: &[[f64; 6]]) -> Moments {
+        let mut moments = Moments::about([0.0; 3], [0.0; 3]);
+        for &[a, b, c, x, y, z] in pairs {
+            moments.add_pair(1.0, [a, b, c], [x, y, z]);
+        }
+        moments
+    }
+
+    fn turn(vector: Vec3) -> Mat3 {
+        Transform::from_rotation_vector(vector).rotation
+    }
+
+    /// Residual of the best translation for a rotation.
+    fn residual(moments: &Moments, rotation: Mat3) -> f64 {
+        let centered = moments.centered().unwrap();
+        let turned = math::mat_vec(&rotation, centered.source_mean);
+        let translation = math::sub(centered.target_mean, turned);
+        moments.residual(&Transform::rigid(rotation, translation))
+    }
+
+    fn pairs() -> impl Strategy<Value = Vec<[f64; 6]>> {
+        proptest::collection::vec(proptest::array::uniform6(-1.0..1.0f64), 4..12)
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        proptest::array::uniform3(-1.7..1.7f64)
+    }
+
+    proptest! {
+        #[test]
+        fn a_known_direction_is_kept_and_no_other_turn_about_it_is_better(
+            pairs in pairs(), from in vector(), to in vector(), other in 0.0..6.3f64,
+        ) {
+            prop_assume!(math::norm(from) > 0.1 && math::norm(to) > 0.1);
+            let moments = moments(&pairs);
+            let prior = Prior { direction: Some([from, to]), ..Prior::default() };
+            let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
+            let rotation = found.transform.rotation;
+            let (from, to) = (math::normalized(from), math::normalized(to));
+            prop_assert!(math::norm(math::sub(math::mat_vec(&rotation, from), to)) < 1e-12);
+            let turned = math::mat_mul(&turn(math::scaled(to, other)), &rotation);
+            prop_assert!(moments.residual(&found.transform) <= residual(&moments, turned) + 1e-9);
+        }
+
+        #[test]
+        fn no_rotation_within_the_angle_is_better(
+            pairs in pairs(), center in vector(), degrees in 1.0..170.0f64,
+            other in vector(), share in 0.0..1.0f64,
+        ) {
+            prop_assume!(math::norm(other) > 0.1);
+            let moments = moments(&pairs);
+            let near = Near { vector: center, within_deg: degrees };
+            let prior = Prior { rotation: Some(near), ..Prior::default() };
+            let found = solve_with(&moments, Solver::Walker, ScaleEstimate::Fixed, &prior).unwrap();
+            let off = math::mat_mul(&found.transform.rotation, &math::transpose(&turn(center)));
+            let angle = Transform::rigid(off, [0.0; 3]).angle().to_degrees();
+            prop_assert!(angle <= degrees + 1e-6, "{angle} {degrees}");
+            let step = math::scaled(math::normalized(other), share * degrees.to_radians());
+            let allowed = math::mat_mul(&turn(step), &turn(center));
+            prop_assert!(moments.residual(&found.transform) <= residual(&moments, allowed) + 1e-9);
+        }
+
+        #[test]
+        fn both_together_hold(
+            pairs in pairs(), center in vector(), degrees in 1.0..170.0f64, axis in vector(),
+            share in -1.0..1.0f64,
+        ) {
+            prop_assume!(math::norm(axis) > 0.1);
+            let moments = moments(&pairs);
+            // The known rotation maps the direction itself: turns about it up to the angle.
+            let image = math::mat_vec(&turn(center), axis);
+            let near = Near { vector: center, within_deg: degrees };
+            let prior =
+                Prior { direction: Some([axis, image]), rotation: Some(near), scale: None };
+            let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
+            let rotation = found.transform.rotation;
+            let off = math::mat_mul(&rotation, &math::transpose(&turn(center)));
+            let angle = Transform::rigid(off, [0.0; 3]).angle().to_degrees();
+            prop_assert!(angle <= degrees + 1e-6);
+            prop_assert!(math::norm(math::sub(math::mat_vec(&rotation, axis), image)) < 1e-9);
+            let step = math::scaled(math::normalized(image), share * degrees.to_radians());
+            let allowed = math::mat_mul(&turn(step), &turn(center));
+            prop_assert!(moments.residual(&found.transform) <= residual(&moments, allowed) + 1e-9);
+        }
+
+        #[test]
+        fn a_scale_within_bounds_is_the_best_of_them(
+            pairs in pairs(), low in 0.2..1.0f64, more in 0.0..2.0f64, share in 0.0..1.0f64,
+        ) {
+            let moments = moments(&pairs);
+            let prior = Prior { scale: Some([low, low + more]), ..Prior::default() };
+            let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Umeyama, &prior).unwrap();
+            let pose = found.transform;
+            prop_assert!((low..=low + more).contains(&pose.scale));
+            let scale = low + share * more;
+            let centered = moments.centered().unwrap();
+            let turned = math::scaled(pose.rotate(centered.source_mean), scale);
+            let translation = math::sub(centered.target_mean, turned);
+            let other = Transform { rotation: pose.rotation, translation, scale };
+            prop_assert!(moments.residual(&pose) <= moments.residual(&other) + 1e-9);
+        }
+    }
+
+    fn some() -> Moments {
+        moments(&[
+            [1.0, 0.0, 0.2, 0.9, 0.1, 0.2],
+            [0.0, 2.0, 0.1, -0.2, 2.0, 0.1],
+            [0.3, 0.1, 3.0, 0.3, 0.4, 2.9],
+            [-1.0, -1.0, 0.5, -1.1, -0.9, 0.4],
+        ])
+    }
+
+    #[test]
+    fn nothing_known_changes_no_bit() {
+        let moments = some();
+        for solver in Solver::ALL {
+            let plain = solve(&moments, solver, ScaleEstimate::Umeyama).unwrap();
+            let prior = Prior::default();
+            let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &prior).unwrap();
+            assert_eq!(plain, with);
+            // A bound that does not bind neither.
+            let near = Near { vector: [0.0; 3], within_deg: 180.0 };
+            let wide = Prior { rotation: Some(near), ..prior };
+            let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &wide).unwrap();
+            assert_eq!(plain.transform.rotation, with.transform.rotation);
+        }
+    }
+
+    #[test]
+    fn a_known_rotation_leaves_the_translation() {
+        let near = Near { vector: [0.1, -0.2, 0.3], within_deg: 0.0 };
+        let prior = Prior { rotation: Some(near), ..Prior::default() };
+        // One place twice determines no rotation.
+        let mut moments = Moments::about([0.0; 3], [0.0; 3]);
+        moments.add_pair(1.0, [1.0, 2.0, 3.0], [4.0, 4.0, 4.0]);
+        let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
+        assert_eq!(found.transform.rotation, turn(near.vector));
+        let off = math::sub(found.transform.apply([1.0, 2.0, 3.0]), [4.0; 3]);
+        assert!(math::norm(off) < 1e-12);
+    }
+
+    #[test]
+    fn what_contradicts_or_is_out_of_range_says_so() {
+        let solve = |prior: Prior| {
+            solve_with(&some(), Solver::Arun, ScaleEstimate::Umeyama, &prior).unwrap_err()
+        };
+        let near = |degrees: f64| Near { vector: [0.0; 3], within_deg: degrees };
+        let across = Some([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
+        for prior in [
+            Prior { direction: across, rotation: Some(near(30.0)), scale: None },
+            Prior { direction: Some([[0.0; 3], [1.0, 0.0, 0.0]]), ..Prior::default() },
+            Prior { direction: Some([[f64::NAN, 0.0, 0.0], [1.0; 3]]), ..Prior::default() },
+            Prior { rotation: Some(near(-1.0)), ..Prior::default() },
+            Prior { rotation: Some(near(f64::NAN)), ..Prior::default() },
+            Prior { scale: Some([2.0, 1.0]), ..Prior::default() },
+            Prior { scale: Some([0.0, 1.0]), ..Prior::default() },
+        ] {
+            let error = solve(prior);
+            assert!(matches!(error, Error::Config { field: "prior", .. }), "{error}");
+        }
+        // A scale is bounded where it is estimated.
+        let bounded = Prior { scale: Some([0.5, 2.0]), ..Prior::default() };
+        let fixed = solve_with(&some(), Solver::Arun, ScaleEstimate::Fixed, &bounded);
+        assert!(matches!(fixed, Err(Error::Config { field: "prior", .. })));
+        // Along the axis alone the turn about it is open.
+        let line = moments(&[[0.0, 0.0, 1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0, 0.0, -1.0]]);
+        let upright = Prior { direction: Some([[0.0, 0.0, 1.0]; 2]), ..Prior::default() };
+        let open = solve_with(&line, Solver::Arun, ScaleEstimate::Fixed, &upright);
+        assert!(matches!(open, Err(Error::Degenerate { .. })));
+    }
+
+    #[test]
+    fn opposite_directions_and_bounds_at_a_half_turn() {
+        let opposite =
+            Prior { direction: Some([[0.0, 0.0, 1.0], [0.0, 0.0, -2.0]]), ..Prior::default() };
+        let found = solve_with(&some(), Solver::Arun, ScaleEstimate::Fixed, &opposite).unwrap();
+        let down = math::mat_vec(&found.transform.rotation, [0.0, 0.0, 1.0]);
+        assert!(math::norm(math::sub(down, [0.0, 0.0, -1.0])) < 1e-12);
+        // The best rotation is half a turn away about an axis of symmetry: no side is better.
+        let pairs = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
+        let half = pairs.map(|[x, y, z]| [x, y, z, -x, -y, z]);
+        let near = Near { vector: [0.0; 3], within_deg: 60.0 };
+        let prior = Prior { rotation: Some(near), ..Prior::default() };
+        let found =
+            solve_with(&moments(&half), Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
+        assert!((found.transform.angle().to_degrees() - 60.0).abs() < 1e-6, "{found:?}");
+    }
+}
