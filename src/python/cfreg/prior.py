@@ -37,20 +37,17 @@ class Prior:
 
     def _facts(self) -> dict[str, Any]:
         """As the settings of methods have it."""
-        direction = self.direction
-        if direction is not None:
-            ends = [direction, direction] if _is_number(direction[0]) else direction
-            direction = [[_number(x) for x in end] for end in ends]  # type: ignore[union-attr]
+        direction: list[list[float | str]] | None = None
+        if self.direction is not None:
+            given: Any = self.direction
+            ends = given if hasattr(given[0], "__len__") else [given, given]
+            direction = [[_number(x) for x in end] for end in ends]
         near = None
         if self.rotation is not None:
             vector = [_number(x) for x in self.rotation]
             near = {"vector": vector, "within_deg": _number(self.within_deg)}
         scale = None if self.scale is None else [_number(x) for x in self.scale]
         return {"direction": direction, "rotation": near, "scale": scale}
-
-
-def _is_number(value: Any) -> bool:
-    return not hasattr(value, "__len__")
 
 
 def _number(value: Any) -> float | str:
