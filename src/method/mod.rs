@@ -25,7 +25,7 @@ pub use catalogue::Method;
 pub use cf::Cf;
 pub use cfk::Cfk;
 pub use chain::Chain;
-pub use consensus::Consensus;
+pub use consensus::{Consensus, Judged};
 pub use cpd::Cpd;
 pub use dare::Dare;
 pub use icp::{Icp, Metric};
