@@ -4,6 +4,7 @@
 pub mod candidates;
 pub mod list;
 mod others;
+pub mod reliability;
 pub mod report;
 pub mod rule;
 
