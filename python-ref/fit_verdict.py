@@ -227,6 +227,8 @@ def held_out(poses, answers, source):
         anew, *again = calibrated(source, others)
         for run, of in answers.items():
             left = of.where(of.show(where))
+            if not len(left.right):
+                continue
             told_by = [told(by, left) for by in (constants, anew, source)]
             judged[run].append((where, line(fitted), line(again), left, told_by))
     for run, places in judged.items():
