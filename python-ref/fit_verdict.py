@@ -238,7 +238,8 @@ def held_out(poses, answers, source):
         print("others / the source's constants, which have seen it. Pairs of two places are in both rows.\n")
         rows = []
         for where, fitted, again, left, told_by in places:
-            beside = [" / ".join(of) for of in zip(*(cells(by, left) for by in told_by))]
+            beside = zip(*(cells(by, left) for by in told_by))
+            beside = ["-" if set(of) == {"-"} else " / ".join(of) for of in beside]
             rows.append([where, len(left.right), fitted, again, *beside])
         table(["left out", "answers", "slope, offset", "of the source", *JUDGED], rows)
 
