@@ -112,9 +112,29 @@ fn a_benchmark_counts_right_poses() {
         assert!(table.contains(&format!("| demo | {method} | 1/1 = 100.0 % |")), "{table}");
     }
     assert_eq!(std::fs::read_to_string(folder.path().join("rows.csv")).unwrap().lines().count(), 4);
+    // What the verdicts told, from the rows that are there.
+    let drawn = format!("{} --figure told", line.replace(" --method cf+icp", ""));
+    let output = cfreg(folder.path(), &drawn);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let picture = std::fs::read_to_string(folder.path().join("told.svg")).unwrap();
+    assert!(picture.contains("consensus") && folder.path().join("told.png").is_file());
+    let line = "benchmark list.csv --rule relative --candidates judged.csv";
+    let output = cfreg(folder.path(), line);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let judged = std::fs::read_to_string(folder.path().join("judged.csv")).unwrap();
+    let answers: Vec<&str> = judged.lines().filter(|row| row.ends_with(",true")).collect();
+    assert!(
+        judged.starts_with("dataset,source,target,overlap,likeness,support,contradicted,right")
+    );
+    // One answer, right and last, after the candidates that it was chosen from.
+    assert!(judged.lines().count() > 2 && judged.trim_end().ends_with("true,true"), "{judged}");
+    assert_eq!(answers.len(), 1, "{judged}");
     for (line, cause) in [
+        ("benchmark list.csv --candidates list.csv", "overwrite"),
         ("benchmark none.csv", "none.csv"),
         ("benchmark list.csv --method icq", "icq"),
+        ("benchmark list.csv --method icp --figure told", "no method told a probability"),
+        ("benchmark list.csv --figure elsewhere/told", "does not exist"),
         ("benchmark list.csv --rule near", "outdoor-coarse"),
         ("benchmark list.csv --output list.csv", "overwrite"),
         ("benchmark list.csv --folder elsewhere", "elsewhere"),

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::{Outcome, outputs, print, progress};
 use crate::error::Result;
-use crate::experiment::benchmark::{self, Rule, Settings, Viewpoints, list, report};
+use crate::experiment::benchmark::{self, Rule, Settings, Viewpoints, list, reliability, report};
 use crate::par;
 
 #[derive(Args)]
@@ -28,6 +28,14 @@ pub(super) struct Benchmark {
     /// Rows as CSV; a run that was cut short goes on from what is there
     #[arg(long, value_name = "ROWS.csv")]
     output: Option<PathBuf>,
+    /// Writes STEM.svg and STEM.png: the probabilities that verdicts told, and the share that was
+    /// right
+    #[arg(long, value_name = "STEM")]
+    figure: Option<PathBuf>,
+    /// Instead of registering: every pose that consensus settles, with its evidence and whether it
+    /// is right, as CSV (python-ref/fit_verdict.py reads it)
+    #[arg(long, value_name = "CANDIDATES.csv", conflicts_with_all = ["method", "poses", "output", "figure"])]
+    candidates: Option<PathBuf>,
     /// Register the clouds where they stand, not moved at random
     #[arg(long)]
     as_they_stand: bool,
@@ -66,7 +74,15 @@ enum Sensors {
 impl Benchmark {
     pub(super) fn run(&self) -> Result<Outcome> {
         let lists: Vec<_> = self.pairs.iter().map(PathBuf::as_path).collect();
-        outputs::check(&lists, &[("output", self.output.as_deref())])?;
+        let drawn = |kind| self.figure.as_ref().map(|stem| stem.with_extension(kind));
+        let (svg, png) = (drawn("svg"), drawn("png"));
+        let written = [
+            ("output", &self.output),
+            ("candidates", &self.candidates),
+            ("figure", &svg),
+            ("figure", &png),
+        ];
+        outputs::check(&lists, &written.map(|(option, path)| (option, path.as_deref())))?;
         let mut pairs = Vec::new();
         for path in lists {
             let own = path.parent().unwrap_or(Path::new(""));
@@ -89,6 +105,14 @@ impl Benchmark {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         };
+        if let Some(output) = &self.candidates {
+            let written = par::with_threads(self.threads, || {
+                benchmark::candidates::write(&pairs, settings, output, follow)
+            })??;
+            bar.finish_and_clear();
+            print(&format!("{written} poses of {} pairs\n", pairs.len()))?;
+            return Ok(Outcome::Trusted);
+        }
         let mut rows = par::with_threads(self.threads, || {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
         })??;
@@ -99,6 +123,9 @@ impl Benchmark {
             rows.extend(benchmark::judge(path, folder, &pairs, settings)?);
         }
         print(&report::markdown(&rows))?;
+        if let Some(stem) = &self.figure {
+            reliability::figure(&rows)?.save(stem)?;
+        }
         Ok(Outcome::Trusted)
     }
 }

@@ -27,7 +27,7 @@ pub use cf::Cf;
 pub use cfk::Cfk;
 pub use chain::Chain;
 pub use channels::Channel;
-pub use consensus::Consensus;
+pub use consensus::{Consensus, Judged};
 pub use cpd::Cpd;
 pub use dare::Dare;
 pub use icp::{Icp, Metric};

@@ -1,8 +1,10 @@
 //! Any methods over a list of real pairs with known poses: how many are right, how fast, and
 //! how well their verdicts know.
 
+pub mod candidates;
 pub mod list;
 mod others;
+pub mod reliability;
 pub mod report;
 pub mod rule;
 
@@ -151,6 +153,33 @@ pub fn run(
     Ok(rows)
 }
 
+/// A pair as it is given to a method.
+struct Posed {
+    /// As in its file.
+    source: PointCloud,
+    /// The source under `motion`.
+    moved: PointCloud,
+    target: PointCloud,
+    motion: Transform,
+    rule: Rule,
+}
+
+impl Posed {
+    /// The pair that comes as the `number`-th of the list.
+    fn new(pair: &Pair, number: usize, settings: Settings, clouds: &mut Clouds) -> Result<Posed> {
+        let source = clouds.get(&pair.source, settings, 2 * number as u64)?;
+        let target = clouds.get(&pair.target, settings, 2 * number as u64 + 1)?;
+        let seed = settings.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+        let motion = match settings.moved {
+            true => anywhere(seed, source.diagonal()),
+            false => Transform::IDENTITY,
+        };
+        let moved = source.transformed(&motion)?;
+        let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+        Ok(Posed { source, moved, target, motion, rule })
+    }
+}
+
 fn one(
     pair: &Pair,
     number: usize,
@@ -158,15 +187,7 @@ fn one(
     settings: Settings,
     clouds: &mut Clouds,
 ) -> Result<Row> {
-    let source = clouds.get(&pair.source, settings, 2 * number as u64)?;
-    let target = clouds.get(&pair.target, settings, 2 * number as u64 + 1)?;
-    let seed = settings.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
-    let motion = match settings.moved {
-        true => anywhere(seed, source.diagonal()),
-        false => Transform::IDENTITY,
-    };
-    let moved = source.transformed(&motion)?;
-    let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+    let Posed { source, moved, target, motion, rule } = Posed::new(pair, number, settings, clouds)?;
     let start = Instant::now();
     let found = chain.register(&moved, &target);
     let seconds = start.elapsed().as_secs_f64();

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::Row;
+use super::reliability::{Class, calibration_error, classes};
 
 /// 95 % quantile of χ² with six degrees of freedom, whose median is 5.348.
 const CHI_SQUARE_95: f64 = 12.592;
@@ -142,24 +143,12 @@ fn reliability(text: &mut String, method: &str, rows: &[&Row]) {
         text,
         "\n{method}: told and true\n\n| told | poses | mean told | right |\n|---|---|---|---|\n"
     );
-    let mut error = 0.0;
-    for class in 0..10 {
-        let within = |row: &&&Row| {
-            let told = row.probability.unwrap_or(0.0);
-            ((10.0 * told) as usize).min(9) == class
-        };
-        let members: Vec<&&Row> = rows.iter().filter(within).collect();
-        if members.is_empty() {
-            continue;
-        }
-        let n = members.len() as f64;
-        let told = members.iter().filter_map(|row| row.probability).sum::<f64>() / n;
-        let right = members.iter().filter(|row| row.right).count() as f64 / n;
-        error += n / rows.len() as f64 * (told - right).abs();
-        let (from, to) = (0.1 * class as f64, 0.1 * (class + 1) as f64);
-        let _ =
-            writeln!(text, "| {from:.1}-{to:.1} | {} | {told:.3} | {right:.3} |", members.len());
+    let classes = classes(rows.iter().copied());
+    for Class { from, poses, told, right } in &classes {
+        let to = from + 0.1;
+        let _ = writeln!(text, "| {from:.1}-{to:.1} | {poses} | {told:.3} | {right:.3} |");
     }
+    let error = calibration_error(&classes);
     let _ = writeln!(text, "\nexpected calibration error {error:.3}");
 }
 

@@ -1,5 +1,6 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
+mod candidates;
 mod evidence;
 mod hypotheses;
 mod scan;
@@ -7,6 +8,7 @@ mod settle;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::candidates::Judged;
 use self::evidence::{Evidence, REACH};
 use self::hypotheses::Matches;
 use self::scan::{Scan, Surface, View, squared_distance};
@@ -113,6 +115,19 @@ struct Attempt {
     candidates: Vec<Candidate>,
 }
 
+/// All that was tried on two clouds, and what came out best.
+struct Search<'a> {
+    /// With its length in force.
+    config: Consensus,
+    length: f64,
+    scans: [Scan<'a>; 2],
+    attempts: Vec<Attempt>,
+    /// Which of them has the answer.
+    best: usize,
+    settled: Settled,
+    evidence: Evidence,
+}
+
 impl Consensus {
     /// Checks the ranges.
     ///
@@ -144,6 +159,23 @@ impl Consensus {
     }
 
     fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        let mut times = Timings::default();
+        let search = self.search(source, target, &mut times)?;
+        let best = &search.attempts[search.best];
+        let pose = &search.settled.pose;
+        let runner_up = runner_up(&search.attempts, &best.surfaces, pose, search.length);
+        let (ends, reach) = (best.surfaces.each_ref(), REACH * search.length);
+        let covariance = times.time("covariance", || covariance(ends, pose, reach, search.length));
+        let verdict = verdict(&search.evidence, runner_up, covariance);
+        search.config.conclude(&search.scans, best, search.settled, verdict, times)
+    }
+
+    fn search<'a>(
+        &self,
+        source: &'a PointCloud,
+        target: &'a PointCloud,
+        times: &mut Timings,
+    ) -> Result<Search<'a>> {
         self.validate()?;
         for (cloud, what) in [(source, "the source"), (target, "the target")] {
             if cloud.len() < 3 {
@@ -151,32 +183,29 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let mut times = Timings::default();
         let length = times.time("thin", || self.length(source, target))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
             par::both(named, |&(cloud, name)| Scan::new(cloud, length, name))
         })?;
-        let attempts = config.attempts(&scans, length, &mut times)?;
+        let attempts = config.attempts(&scans, length, times)?;
         let odds = |attempt: &Attempt| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
         };
         // The first of those that are equally good.
-        let best = attempts.iter().rev().max_by(|a, b| odds(a).total_cmp(&odds(b)));
-        let Some((best, first)) = best.and_then(|at| Some((at, at.candidates.first()?))) else {
+        let ranked = attempts.iter().enumerate().rev();
+        let best = ranked.max_by(|(_, a), (_, b)| odds(a).total_cmp(&odds(b)));
+        let Some((best, at, first)) =
+            best.and_then(|(best, at)| Some((best, at, at.candidates.first()?)))
+        else {
             return Err(Error::NoWeight);
         };
-        let [from, onto] = &best.surfaces;
-        let ends = [from, onto];
+        let ends = at.surfaces.each_ref();
         let settled =
             times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
-        let evidence = Evidence::of(ends, &best.matches, &settled.pose, LOOK.most);
-        let runner_up = runner_up(&attempts, &best.surfaces, &settled.pose, length);
-        let covariance =
-            times.time("covariance", || covariance(ends, &settled.pose, REACH * length, length));
-        let verdict = verdict(&evidence, runner_up, covariance);
-        config.conclude(&scans, best, settled, verdict, times)
+        let evidence = Evidence::of(ends, &at.matches, &settled.pose, LOOK.most);
+        Ok(Search { config, length, scans, attempts, best, settled, evidence })
     }
 
     /// Tries the ways to see the clouds in turn, until one is sure.

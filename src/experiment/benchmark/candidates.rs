@@ -1,0 +1,78 @@
+//! What `consensus` weighed before each answer, as a table: the data its verdict is fitted on.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{Clouds, Pair, Posed, Settings};
+use crate::error::{Error, Result};
+use crate::method::Consensus;
+
+/// One judged pose of one pair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Candidate {
+    /// The pair's set.
+    pub dataset: String,
+    /// File of the source, as in the list.
+    pub source: String,
+    /// File of the target.
+    pub target: String,
+    /// Share of a surface that lies on the other and faces alike.
+    pub overlap: f64,
+    /// How much more alike than chance the surfaces look there, nats a point.
+    pub likeness: f64,
+    /// Matches that agree.
+    pub support: f64,
+    /// Share of the points that stand where the other's sensor looked through; empty where no
+    /// sensor's place is known.
+    pub contradicted: Option<f64>,
+    /// Whether the pose is right; false for clouds with nothing in common.
+    pub right: bool,
+    /// Whether it is the answer, the last row of its pair.
+    pub answer: bool,
+}
+
+/// Writes to `output` every pose that [`Consensus`] settles for each of `pairs`, moved as
+/// [`run`](super::run) moves them, and gives their number. `progress` is called with the pairs
+/// done and all of them. A pair without an answer has no rows.
+///
+/// # Errors
+/// Those of reading clouds, and [`Error::Io`] of `output`.
+pub fn write(
+    pairs: &[Pair],
+    settings: Settings,
+    output: &Path,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<usize> {
+    let failed = |error: csv::Error| Error::io(output, std::io::Error::other(error));
+    let mut table = csv::Writer::from_path(output).map_err(failed)?;
+    let (mut clouds, mut written) = (Clouds::default(), 0);
+    for (number, pair) in pairs.iter().enumerate() {
+        let posed = Posed::new(pair, number, settings, &mut clouds)?;
+        let judged = Consensus::default().candidates(&posed.moved, &posed.target);
+        for judged in judged.unwrap_or_default() {
+            let found = judged.transform.after(&posed.motion);
+            let right = pair.truth.as_ref().is_some_and(|truth| {
+                let error = posed.rule.error(&found, truth, &posed.source);
+                posed.rule.holds(error, &posed.source, pair.unit)
+            });
+            table
+                .serialize(Candidate {
+                    dataset: pair.dataset.clone(),
+                    source: pair.source.display().to_string(),
+                    target: pair.target.display().to_string(),
+                    overlap: judged.overlap,
+                    likeness: judged.likeness,
+                    support: judged.support,
+                    contradicted: judged.contradicted,
+                    right,
+                    answer: judged.answer,
+                })
+                .map_err(failed)?;
+            written += 1;
+        }
+        progress(number + 1, pairs.len());
+    }
+    table.flush().map_err(|error| Error::io(output, error))?;
+    Ok(written)
+}
