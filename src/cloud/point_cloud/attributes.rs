@@ -1,0 +1,185 @@
+//! What the points of a cloud have beside their place: normals, weights, channels.
+
+use std::borrow::Cow;
+
+use super::PointCloud;
+use crate::cloud::Channels;
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+
+/// What points may have beside their place: one row for each point that is handed in, also for
+/// those that will be dropped.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Attributes<'a> {
+    /// As of [`PointCloud::with_normals`].
+    pub normals: Option<&'a [Vec3]>,
+    /// As of [`PointCloud::with_weights`].
+    pub weights: Option<&'a [f64]>,
+    /// As of [`PointCloud::with_channels`].
+    pub channels: Option<&'a Channels>,
+}
+
+impl PointCloud {
+    /// A cloud with what its points have beside their place, in the same order. What is dropped
+    /// takes its normal, its weight and its channels along.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when there is not one row a point, and those of [`new`](Self::new) and
+    /// [`with_weights`](Self::with_weights).
+    pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
+        let Attributes { normals, weights, channels } = attributes;
+        let number = |what: &str, found: usize| match found == points.len() {
+            true => Ok(()),
+            false => {
+                let what = format!("{what} for the points of a cloud");
+                Err(Error::Shape { what, expected: points.len(), found })
+            }
+        };
+        normals.map_or(Ok(()), |normals| number("normals", normals.len()))?;
+        weights.map_or(Ok(()), |weights| number("weights", weights.len()))?;
+        channels.map_or(Ok(()), |channels| channels.check(points.len()))?;
+        let mut cloud = Self::new(points)?;
+        let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
+        let kept: Vec<usize> = (0..points.len()).filter(finite).collect();
+        cloud.normals = normals.map(|normals| kept.iter().map(|&i| unit(normals[i])).collect());
+        if let Some(channels) = channels {
+            cloud.channels = channels.map(|values| kept.iter().map(|&i| values[i]).collect());
+        }
+        match weights {
+            Some(weights) => cloud.with_weights(kept.iter().map(|&i| weights[i]).collect()),
+            None => Ok(cloud),
+        }
+    }
+
+    /// Sets how much each point counts: a weight of 2 is as good as having the point twice, 0 as
+    /// not connecting it. Every method honours them, as its description says; only their ratios
+    /// within a cloud matter. One for each point that is there: points that were dropped have
+    /// none ([`with_attributes`](Self::with_attributes) takes all).
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when there is not one weight a point, [`Error::NonFinite`] for one that
+    /// is not finite in f32, [`Error::Config`] for one below 0, or when all are 0.
+    ///
+    /// ```
+    /// let cloud = cfreg::PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]])?;
+    /// assert_eq!(cloud.with_weights(vec![0.5, 2.0])?.weights(), Some(&[0.5, 2.0][..]));
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self> {
+        if weights.len() != self.len() {
+            let what = "weights for the points of a cloud".into();
+            return Err(Error::Shape { what, expected: self.len(), found: weights.len() });
+        }
+        let weights: Vec<f32> = weights.into_iter().map(|weight| weight as f32).collect();
+        check_weights(&weights)?;
+        if !weights.is_empty() && weights.iter().all(|&weight| weight == 0.0) {
+            return Err(Error::config("weights", 0, "one at least must be above 0"));
+        }
+        self.weights = Some(weights);
+        Ok(self)
+    }
+
+    /// The cloud with other channels in place of its own, one value a point that is there.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when a channel has not one value a point.
+    pub fn with_channels(self, channels: Channels) -> Result<Self> {
+        channels.check(self.len())?;
+        Ok(PointCloud { channels, ..self })
+    }
+
+    /// How much each point counts, finite and 0 or more, if the cloud says so; else all alike.
+    pub fn weights(&self) -> Option<&[f32]> {
+        self.weights.as_deref()
+    }
+
+    /// Weights in shares of their mean, so that only their ratios matter; `None` without
+    /// weights, and where all that are left are 0.
+    pub(crate) fn relative_weights(&self) -> Option<Vec<f32>> {
+        let weights = self.weights()?;
+        let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
+        let share = weights.len() as f64 / sum;
+        let relative = |&weight: &f32| (f64::from(weight) * share) as f32;
+        Some(match sum > 0.0 {
+            true => weights.iter().map(relative).collect(),
+            false => weights.to_vec(),
+        })
+    }
+
+    /// The points that count: the cloud itself, without those of weight 0.
+    pub(crate) fn counting(&self) -> Cow<'_, PointCloud> {
+        match self.weights() {
+            Some(weights) if weights.contains(&0.0) => {
+                let above: Vec<usize> = (0..self.len()).filter(|&i| weights[i] > 0.0).collect();
+                Cow::Owned(self.select(&above))
+            }
+            _ => Cow::Borrowed(self),
+        }
+    }
+
+    /// The same without weights.
+    pub(crate) fn unweighted(&self) -> PointCloud {
+        PointCloud { weights: None, ..self.clone() }
+    }
+
+    /// Numbers of the points by name; empty where there are none.
+    pub fn channels(&self) -> &Channels {
+        &self.channels
+    }
+}
+
+/// Refuses what is no weight.
+pub(super) fn check_weights(weights: &[f32]) -> Result<()> {
+    if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
+        return Err(Error::NonFinite { what: "weights of the points of a cloud".into(), index });
+    }
+    match weights.iter().find(|&&weight| weight < 0.0) {
+        Some(weight) => Err(Error::config("weights", weight, "must be 0 or more")),
+        None => Ok(()),
+    }
+}
+
+/// `normal` at unit length in f32; zero when it has no direction.
+fn unit(normal: Vec3) -> [f32; 3] {
+    let unit = math::normalized(normal).map(|x| x as f32);
+    if unit.iter().all(|x| x.is_finite()) { unit } else { [0.0; 3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Transform;
+
+    #[test]
+    fn what_points_have_stays_with_them() {
+        let points = [[0.0; 3], [f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        let channels = Channels::default().with("red", vec![0.1, 0.2, 0.3, 0.4]).unwrap();
+        let weights = [1.0, -5.0, 0.0, 4.0];
+        let has =
+            Attributes { weights: Some(&weights), channels: Some(&channels), ..Default::default() };
+        let cloud = PointCloud::with_attributes(&points, has).unwrap();
+        assert_eq!(cloud.weights(), Some(&[1.0, 0.0, 4.0][..]));
+        assert_eq!(cloud.channels().get("red"), Some(&[0.1, 0.3, 0.4][..]));
+        let turned = cloud.transformed(&Transform::from_rotation_vector([1.0, 0.0, 2.0])).unwrap();
+        let back = turned.select(&[2, 0]);
+        assert_eq!(back.weights(), Some(&[4.0, 1.0][..]));
+        assert_eq!(back.channels().get("red"), Some(&[0.4, 0.1][..]));
+        assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
+        assert_eq!(cloud.counting().len(), 2);
+        assert_eq!(back.relative_weights().unwrap(), [1.6, 0.4]);
+    }
+
+    #[test]
+    fn what_is_no_weight_is_refused() {
+        let cloud = PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]]).unwrap();
+        let refused = |weights: [f64; 2]| cloud.clone().with_weights(weights.to_vec()).unwrap_err();
+        assert!(matches!(refused([1.0, f64::NAN]), Error::NonFinite { index: 1, .. }));
+        assert!(matches!(refused([1e39, 1.0]), Error::NonFinite { index: 0, .. }));
+        assert_eq!(refused([1.0, -2.0]).to_string(), "weights = -2: must be 0 or more");
+        assert!(matches!(refused([0.0, 0.0]), Error::Config { field: "weights", .. }));
+        assert!(matches!(cloud.clone().with_weights(vec![1.0]), Err(Error::Shape { .. })));
+        let mut parts = cloud.parts();
+        parts.weights = Some(vec![1.0, -1.0]);
+        assert!(PointCloud::from_parts(parts).is_err());
+    }
+}

@@ -1,0 +1,323 @@
+//! Points with an f64 origin, so that map coordinates lose nothing in f32.
+
+mod attributes;
+mod origin;
+mod parts;
+
+pub use attributes::Attributes;
+pub use parts::Parts;
+
+use self::origin::{DIGITS, FAR, exponent, local, snapped};
+use crate::cloud::{Channels, Transform};
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+
+/// Points, optionally with unit normals, weights, named channels and the place they were seen
+/// from.
+///
+/// Point `i` is at `origin + points[i]`: coordinates are kept in f32 relative to an
+/// f64 origin near the cloud. The origin is the centre of the bounding box rounded
+/// to the power of ten at or above the cloud's size. A cloud around zero therefore
+/// has origin zero and keeps its f32 coordinates bit for bit, and a cloud moved by
+/// any multiple of that power of ten (a UTM offset, say) has the same `points`.
+///
+/// Non-finite points are dropped on the way in and counted in
+/// [`dropped`](Self::dropped).
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointCloud {
+    points: Vec<[f32; 3]>,
+    origin: Vec3,
+    frame_origin: Vec3,
+    normals: Option<Vec<[f32; 3]>>,
+    weights: Option<Vec<f32>>,
+    channels: Channels,
+    viewpoint: Option<Vec3>,
+    dropped: usize,
+}
+
+impl PointCloud {
+    /// A cloud from coordinates in any unit; points with a NaN or infinite
+    /// coordinate are dropped and counted. An empty cloud is a cloud.
+    ///
+    /// # Errors
+    /// [`Error::Extent`] when the longest side of the bounding box is above 1e15 or
+    /// above 0 and below 1e-15: squared distances would leave the range of f32.
+    ///
+    /// ```
+    /// let utm = cfreg::PointCloud::new(&[[5e5, 5.6e6, 12.0], [5e5 + 0.125, 5.6e6, f64::NAN]])?;
+    /// assert_eq!((utm.len(), utm.dropped()), (1, 1));
+    /// assert_eq!(utm.position(0), [5e5, 5.6e6, 12.0]);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn new(points: &[[f64; 3]]) -> Result<Self> {
+        let finite = |p: &&[f64; 3]| p.iter().all(|x| x.is_finite());
+        Self::from_finite(points.iter().filter(finite).copied(), points.len())
+    }
+
+    /// The same from f32.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn from_f32(points: &[[f32; 3]]) -> Result<Self> {
+        let wide = points.iter().map(|point| point.map(f64::from));
+        Self::from_finite(wide.filter(|p| p.iter().all(|x| x.is_finite())), points.len())
+    }
+
+    /// A cloud with one normal a point, same order. Normals are scaled to unit
+    /// length; a zero or non-finite normal becomes zero, which means "undefined".
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when the lengths differ, [`Error::Extent`] as for
+    /// [`new`](Self::new).
+    pub fn with_normals(points: &[[f64; 3]], normals: &[[f64; 3]]) -> Result<Self> {
+        Self::with_attributes(points, Attributes { normals: Some(normals), ..Default::default() })
+    }
+
+    fn from_finite(points: impl Iterator<Item = Vec3> + Clone, given: usize) -> Result<Self> {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for p in points.clone() {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(p[axis]);
+                high[axis] = high[axis].max(p[axis]);
+            }
+        }
+        if low[0] > high[0] {
+            return Ok(PointCloud { dropped: given, ..Default::default() });
+        }
+        let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+        if extent > 1e15 || (extent > 0.0 && extent < 1e-15) {
+            return Err(Error::Extent { extent });
+        }
+        let center = math::scaled(math::add(low, high), 0.5);
+        let origin = snapped(center, extent, 1.0);
+        let frame_origin = snapped(center, extent, FAR);
+        let digits = 10f64.powi((DIGITS - exponent(extent)).clamp(-300, 300));
+        let local = |p: Vec3| [0, 1, 2].map(|axis| local(p[axis], origin[axis], digits));
+        let points: Vec<[f32; 3]> = points.map(local).collect();
+        let dropped = given - points.len();
+        Ok(PointCloud { points, origin, frame_origin, dropped, ..Default::default() })
+    }
+
+    /// Sets the place the cloud was seen from, in the cloud's own frame.
+    ///
+    /// # Errors
+    /// [`Error::Config`] when it is not finite.
+    pub fn with_viewpoint(mut self, viewpoint: Vec3) -> Result<Self> {
+        if viewpoint.iter().any(|x| !x.is_finite()) {
+            let value = format!("{viewpoint:?}");
+            return Err(Error::config("viewpoint", value, "every coordinate must be finite"));
+        }
+        self.viewpoint = Some(viewpoint);
+        Ok(self)
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Points relative to [`origin`](Self::origin), all finite.
+    pub fn points(&self) -> &[[f32; 3]] {
+        &self.points
+    }
+
+    /// What to add to [`points`](Self::points) to be in the cloud's own frame.
+    pub fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// Point `i` in the cloud's own frame.
+    ///
+    /// # Panics
+    /// When `i` is not below [`len`](Self::len).
+    pub fn position(&self, i: usize) -> Vec3 {
+        math::add(self.origin, self.points[i].map(f64::from))
+    }
+
+    /// All points in the cloud's own frame, in order.
+    pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + Clone + '_ {
+        (0..self.len()).map(|i| self.position(i))
+    }
+
+    /// Unit normals, one a point, if the cloud has them. A zero vector marks a point
+    /// whose normal is undefined.
+    pub fn normals(&self) -> Option<&[[f32; 3]]> {
+        self.normals.as_deref()
+    }
+
+    /// Where the cloud was seen from, in its own frame, if it says so.
+    pub fn viewpoint(&self) -> Option<Vec3> {
+        self.viewpoint
+    }
+
+    /// The zero of the cloud's frame, where a sensor stands that says nothing else.
+    ///
+    /// For a cloud whose centre lies within about 50 times its size of zero this *is*
+    /// zero. In map coordinates zero means nothing: there it is the nearest multiple of
+    /// a round length (100 times the power of ten at or above the cloud's size), so that
+    /// it moves along with the cloud when a map offset is added.
+    pub fn frame_origin(&self) -> Vec3 {
+        self.frame_origin
+    }
+
+    /// Points with a NaN or infinite coordinate that were left out.
+    pub fn dropped(&self) -> usize {
+        self.dropped
+    }
+
+    /// Lowest and highest corner in the cloud's own frame; `None` when empty.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let mut points = self.points.iter();
+        let first = *points.next()?;
+        let (low, high) = points.fold((first, first), |(low, high), p| {
+            let pick = |f: fn(f32, f32) -> f32, a: [f32; 3]| [0, 1, 2].map(|i| f(a[i], p[i]));
+            (pick(f32::min, low), pick(f32::max, high))
+        });
+        let global = |p: [f32; 3]| math::add(self.origin, p.map(f64::from));
+        Some((global(low), global(high)))
+    }
+
+    /// Diagonal of the bounding box; 0 when empty.
+    pub fn diagonal(&self) -> f64 {
+        self.bounds().map_or(0.0, |(low, high)| math::norm(math::sub(high, low)))
+    }
+
+    /// Mean of the points in the cloud's own frame, summed in f64 about the
+    /// [`origin`](Self::origin); the origin when empty.
+    pub fn centroid(&self) -> Vec3 {
+        let sum = self.points.iter().fold([0.0; 3], |sum, p| math::add(sum, p.map(f64::from)));
+        math::add(self.origin, math::scaled(sum, 1.0 / self.len().max(1) as f64))
+    }
+
+    /// The points named by `indices`, in that order; normals, weights and channels alike.
+    /// [`dropped`](Self::dropped) and the origin stay.
+    ///
+    /// # Panics
+    /// When an index is not below [`len`](Self::len).
+    pub fn select(&self, indices: &[usize]) -> PointCloud {
+        let pick = |values: &[[f32; 3]]| indices.iter().map(|&i| values[i]).collect();
+        let pick_numbers =
+            |values: &[f32]| -> Vec<f32> { indices.iter().map(|&i| values[i]).collect() };
+        PointCloud {
+            points: pick(&self.points),
+            normals: self.normals.as_deref().map(pick),
+            weights: self.weights().map(pick_numbers),
+            channels: self.channels.map(pick_numbers),
+            ..*self
+        }
+    }
+
+    /// Other points, with what they have, in the place of these: viewpoint, frame and
+    /// [`dropped`](Self::dropped) stay.
+    ///
+    /// # Errors
+    /// Those of [`with_attributes`](Self::with_attributes).
+    pub fn replaced(&self, points: &[[f64; 3]], has: Attributes<'_>) -> Result<PointCloud> {
+        let new = Self::with_attributes(points, has)?;
+        Ok(PointCloud {
+            frame_origin: self.frame_origin,
+            viewpoint: self.viewpoint,
+            dropped: self.dropped + new.dropped,
+            ..new
+        })
+    }
+
+    /// The cloud moved by `transform`: points, normals and viewpoint; weights and channels stay.
+    ///
+    /// # Errors
+    /// [`Error::Extent`] when a scale takes it out of range.
+    pub fn transformed(&self, transform: &Transform) -> Result<PointCloud> {
+        let moved = self.positions().map(|p| transform.apply(p));
+        let rotate = |n: &[f32; 3]| transform.rotate(n.map(f64::from)).map(|x| x as f32);
+        Ok(PointCloud {
+            normals: self.normals.as_ref().map(|normals| normals.iter().map(rotate).collect()),
+            weights: self.weights.clone(),
+            channels: self.channels.clone(),
+            viewpoint: self.viewpoint.map(|v| transform.apply(v)),
+            dropped: self.dropped,
+            ..Self::from_finite(moved, self.len())?
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cloud_around_zero_keeps_its_bits() {
+        let points = [[0.1f32, -0.05, 0.033], [1e-7, 0.2, -0.1]];
+        let cloud = PointCloud::new(&points.map(|p| p.map(f64::from))).unwrap();
+        assert_eq!(cloud.origin(), [0.0; 3]);
+        assert_eq!(cloud.points(), points);
+    }
+
+    #[test]
+    fn a_map_offset_leaves_the_local_points_alone() {
+        let near: Vec<Vec3> =
+            (0..50).map(|i| [i as f64 / 64.0, 0.5, (i % 7) as f64 / 8.0]).collect();
+        let far: Vec<Vec3> = near.iter().map(|&p| math::add(p, [5e5, 5.6e6, 300.0])).collect();
+        let (near, far) = (PointCloud::new(&near).unwrap(), PointCloud::new(&far).unwrap());
+        assert_eq!(near.points(), far.points());
+        assert_eq!(math::sub(far.origin(), near.origin()), [5e5, 5.6e6, 300.0]);
+        assert_eq!(near.frame_origin(), [0.0; 3]);
+        assert_eq!(far.frame_origin(), [5e5, 5.6e6, 300.0]);
+    }
+
+    #[test]
+    fn decimals_survive_a_map_offset() {
+        // As text files have them, through f64 or through f32: none is exact in binary.
+        let decimals: Vec<Vec3> = (0..200)
+            .map(|i| [f64::from(i) * 7.813e-4 - 0.0947, 0.0359793 + f64::from(i) * 1e-5, 0.0012345])
+            .collect();
+        let singles = decimals.iter().map(|p| p.map(|x| f64::from(x as f32))).collect();
+        for near in [decimals, singles] {
+            let far: Vec<Vec3> = near.iter().map(|&p| math::add(p, [5e5, 5.6e6, 300.0])).collect();
+            let (near, far) = (PointCloud::new(&near).unwrap(), PointCloud::new(&far).unwrap());
+            assert_eq!(near.points(), far.points());
+        }
+    }
+
+    #[test]
+    fn single_precision_is_taken_as_it_is() {
+        let points = [[0.1f32, 2.5, -3.0], [f32::NAN, 0.0, 0.0], [1.0, 1e-7, 0.0]];
+        let wide = PointCloud::new(&points.map(|p| p.map(f64::from))).unwrap();
+        assert_eq!(PointCloud::from_f32(&points).unwrap(), wide);
+    }
+
+    #[test]
+    fn zero_is_the_frame_origin_of_what_is_near() {
+        // A 9 cm object seen from one metre.
+        let near = PointCloud::new(&[[0.0, 0.0, 1.0], [0.09, 0.0, 1.0]]).unwrap();
+        assert_eq!(near.frame_origin(), [0.0; 3]);
+    }
+
+    #[test]
+    fn odd_extents_have_a_defined_result() {
+        assert!(PointCloud::new(&[]).unwrap().is_empty());
+        let same = PointCloud::new(&[[1e300, 0.0, 0.0]; 3]).unwrap();
+        assert_eq!(same.position(2), [1e300, 0.0, 0.0]);
+        for far in [1e16, 1e300, 1e-16] {
+            let cloud = PointCloud::new(&[[0.0; 3], [far, 0.0, 0.0]]);
+            assert!(matches!(cloud, Err(Error::Extent { .. })), "{far}");
+        }
+        let wide = PointCloud::new(&[[-1.7e308, 0.0, 0.0], [1.7e308, 0.0, 0.0]]);
+        assert!(matches!(wide, Err(Error::Extent { .. })));
+    }
+
+    #[test]
+    fn normals_stay_with_their_points() {
+        let points = [[0.0; 3], [f64::INFINITY, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        let normals = [[0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]];
+        let cloud = PointCloud::with_normals(&points, &normals).unwrap();
+        assert_eq!(cloud.normals().unwrap(), [[0.0, 0.0, 1.0], [0.0; 3]]);
+        assert_eq!(cloud.select(&[1]).normals().unwrap(), [[0.0; 3]]);
+        assert!(PointCloud::with_normals(&points, &normals[..2]).is_err());
+    }
+}

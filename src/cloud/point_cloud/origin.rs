@@ -1,0 +1,49 @@
+//! What the points of a cloud are relative to, such that map coordinates lose nothing in f32.
+
+use crate::math::Vec3;
+
+/// Sizes from zero at which a frame's own zero stops meaning a viewpoint.
+pub(super) const FAR: f64 = 100.0;
+
+/// `center` rounded to multiples of `factor` times the power of ten at or above `extent`.
+///
+/// For steps of 1 and more the multiples are exact in f64; below, the division
+/// by a whole power of ten is correctly rounded, so equal multiples are equal bits.
+pub(super) fn snapped(center: Vec3, extent: f64, factor: f64) -> Vec3 {
+    if extent == 0.0 {
+        return center;
+    }
+    let exponent = exponent(extent) + factor.log10() as i32;
+    let power = 10f64.powi(exponent.abs());
+    center.map(|x| {
+        let snapped =
+            if exponent >= 0 { (x / power).round() * power } else { (x * power).round() / power };
+        // A cloud of size 1e-12 at 1e300 has no finite multiple: leave it there.
+        let snapped = if snapped.is_finite() { snapped } else { x };
+        snapped + 0.0
+    })
+}
+
+/// Exponent of the power of ten at or above `extent`; 0 for no extent.
+pub(super) fn exponent(extent: f64) -> i32 {
+    if extent > 0.0 { extent.log10().ceil() as i32 } else { 0 }
+}
+
+/// Decimal digits below the power of ten at or above a cloud's size that a coordinate is
+/// taken to have been written with.
+pub(super) const DIGITS: i32 = 8;
+
+/// `x` relative to `origin`.
+///
+/// Beside a map offset f64 has lost the last digits of `x`. Where a number with few
+/// decimals (a multiple of 1/`digits`) lies within that loss, it is what was written, and
+/// taking it gives the same bits as without the offset.
+pub(super) fn local(x: f64, origin: f64, digits: f64) -> f32 {
+    let local = x - origin;
+    if origin == 0.0 {
+        return local as f32;
+    }
+    let lost = x.abs().next_up() - x.abs();
+    let written = (local * digits).round() / digits;
+    (if (written - local).abs() <= lost { written } else { local }) as f32
+}

@@ -1,0 +1,101 @@
+//! A cloud taken apart and put together, to be kept elsewhere.
+
+use super::PointCloud;
+use super::attributes::check_weights;
+use crate::cloud::Channels;
+use crate::error::{Error, Result};
+use crate::math::Vec3;
+
+/// A [`PointCloud`] taken apart; each field is what the method of its name returns.
+#[derive(Debug, Clone, PartialEq)]
+#[expect(missing_docs, reason = "said by the methods")]
+pub struct Parts {
+    pub points: Vec<[f32; 3]>,
+    pub origin: Vec3,
+    pub frame_origin: Vec3,
+    pub normals: Option<Vec<[f32; 3]>>,
+    pub weights: Option<Vec<f32>>,
+    pub channels: Channels,
+    pub viewpoint: Option<Vec3>,
+    pub dropped: usize,
+}
+
+impl PointCloud {
+    /// The cloud put together from what [`parts`](Self::parts) took apart, bit for bit.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] for a value that no cloud has, [`Error::Shape`] when there is not
+    /// one normal, weight or value of a channel a point, [`Error::Config`] for a weight below 0.
+    pub fn from_parts(parts: Parts) -> Result<Self> {
+        let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
+            parts;
+        let vectors = points.iter().chain(normals.iter().flatten());
+        if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+            return Err(Error::NonFinite { what: "the parts of a cloud".into(), index });
+        }
+        let places = [Some(origin), Some(frame_origin), viewpoint];
+        if places.iter().flatten().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
+        }
+        channels.check(points.len())?;
+        let numbers = [
+            ("normals", normals.as_ref().map(Vec::len)),
+            ("weights", weights.as_ref().map(Vec::len)),
+        ];
+        for (name, found) in numbers {
+            if let Some(found) = found.filter(|&found| found != points.len()) {
+                let what = format!("{name} for the points of a cloud");
+                return Err(Error::Shape { what, expected: points.len(), found });
+            }
+        }
+        weights.as_deref().map_or(Ok(()), check_weights)?;
+        let cloud = PointCloud {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+        };
+        Ok(cloud)
+    }
+
+    /// All that the cloud consists of, to be kept elsewhere.
+    pub fn parts(&self) -> Parts {
+        let PointCloud {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+        } = self.clone();
+        Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_make_the_same_cloud() {
+        let points = [[5e5, 5.6e6, 0.1], [5e5 + 0.3, 5.6e6, 0.2], [f64::NAN; 3]];
+        let cloud = PointCloud::with_normals(&points, &[[0.0, 0.3, 0.4]; 3]).unwrap();
+        let cloud = cloud.with_viewpoint([5e5, 5.6e6, 9.0]).unwrap();
+        assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
+        let mut short = cloud.parts();
+        short.normals.as_mut().unwrap().pop();
+        assert!(matches!(PointCloud::from_parts(short), Err(Error::Shape { .. })));
+        let mut nan = cloud.parts();
+        nan.points[1][2] = f32::NAN;
+        assert!(matches!(PointCloud::from_parts(nan), Err(Error::NonFinite { index: 1, .. })));
+        let mut nowhere = cloud.parts();
+        nowhere.viewpoint = Some([f64::INFINITY; 3]);
+        assert!(PointCloud::from_parts(nowhere).is_err());
+    }
+}
