@@ -1,5 +1,6 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
+mod answer;
 mod candidates;
 mod evidence;
 mod hypotheses;
@@ -12,17 +13,16 @@ pub use self::candidates::Judged;
 use self::evidence::{Evidence, REACH};
 use self::hypotheses::Matches;
 use self::scan::{Scan, Surface, View, squared_distance};
-use self::settle::{Effort, Settled, covariance, settle};
-use super::registration::{Counts, Found, PointCounts, Timings};
-use super::{Method, Register, Registration, StopReason};
+use self::settle::{Effort, Settled, settle};
+use super::registration::Timings;
+use super::{Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
 use crate::moments::FullConnection;
 use crate::par;
-use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{Doubt, PoseCovariance, RunnerUp, Verdict};
+use crate::pose::{Prior, ScaleEstimate};
 
 /// Global registration of scans that overlap in part: the method for clouds of which nothing is
 /// known.
@@ -32,7 +32,8 @@ use crate::quality::{Doubt, PoseCovariance, RunnerUp, Verdict};
 /// solved in closed form ([SC²-PCR], Chen et al., CVPR 2022); the poses are judged on the
 /// surfaces themselves: how much of them lies on each other, how alike it looks there, what
 /// stands where a sensor looked through. The best are settled point to plane and judged again.
-/// The [`Verdict`] tells how probable the answer is and what else it might be.
+/// The [`Verdict`](crate::quality::Verdict) tells how probable the answer is and what else it
+/// might be.
 ///
 /// All lengths follow from one, [`voxel`](Self::voxel), and that from the clouds: the unit does
 /// not matter, nor where the clouds stand. Where the place of a sensor is known
@@ -160,14 +161,7 @@ impl Consensus {
 
     fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         let mut times = Timings::default();
-        let search = self.search(source, target, &mut times)?;
-        let best = &search.attempts[search.best];
-        let pose = &search.settled.pose;
-        let runner_up = runner_up(&search.attempts, &best.surfaces, pose, search.length);
-        let (ends, reach) = (best.surfaces.each_ref(), REACH * search.length);
-        let covariance = times.time("covariance", || covariance(ends, pose, reach, search.length));
-        let verdict = verdict(&search.evidence, runner_up, covariance);
-        search.config.conclude(&search.scans, best, search.settled, verdict, times)
+        self.search(source, target, &mut times)?.answer(times)
     }
 
     fn search<'a>(
@@ -291,44 +285,6 @@ impl Consensus {
         });
         Ok(Attempt { surfaces: [source, target], matches, candidates })
     }
-
-    fn conclude(
-        self,
-        scans: &[Scan<'_>; 2],
-        best: &Attempt,
-        settled: Settled,
-        verdict: Verdict,
-        times: Timings,
-    ) -> Result<Registration> {
-        let [from, onto] = &best.surfaces;
-        let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
-            dropped: scan.whole().dropped(),
-            used: scan.whole().len(),
-            keypoints: None,
-            described: surface.len(),
-            neighbors: Some(scan.neighbors()),
-            oriented_by: Some(surface.oriented_by),
-        };
-        let solution = pose::solve(&settled.moments, Solver::Arun, ScaleEstimate::Fixed);
-        let found = Found {
-            transform: global(&settled.pose, from, onto),
-            moments: settled.moments,
-            singular_values: solution.map_or([0.0; 3], |solution| solution.singular_values),
-            connections: from.len() as u64 * onto.len() as u64,
-            iterations: settled.steps,
-            stop: StopReason::PoseSettled,
-            trace: Vec::new(),
-            points: PointCounts {
-                source: counts(&scans[0], from),
-                target: counts(&scans[1], onto),
-            },
-            times,
-            doubts: Doubt::of_verdict(&verdict).into_iter().collect(),
-            config: Method::Consensus(self),
-        };
-        let concluded = Registration::conclude(found, scans[0].whole(), scans[1].whole())?;
-        Ok(Registration { verdict: Some(verdict), ..concluded })
-    }
 }
 
 /// Pairs of points that are each other's most alike, the most alike first where there are many.
@@ -354,49 +310,6 @@ fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
         target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
         length,
     })
-}
-
-/// The most probable pose that is another than `pose`, of all attempts.
-fn runner_up(
-    attempts: &[Attempt],
-    [from, onto]: &[Surface; 2],
-    pose: &Transform,
-    length: f64,
-) -> Option<RunnerUp> {
-    let corners = corners(from);
-    let others = attempts.iter().flat_map(|attempt| &attempt.candidates);
-    others
-        .filter(|other| apart(&other.pose, pose, &corners) > OTHER * length)
-        .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
-        .map(|other| RunnerUp {
-            transform: global(&other.pose, from, onto),
-            probability: probability(&other.evidence),
-        })
-}
-
-fn probability(evidence: &Evidence) -> f64 {
-    // Nothing is certain: odds stay finite.
-    1.0 / (1.0 + (-evidence.log_odds().clamp(-30.0, 30.0)).exp())
-}
-
-fn verdict(
-    evidence: &Evidence,
-    runner_up: Option<RunnerUp>,
-    covariance: Option<PoseCovariance>,
-) -> Verdict {
-    let mut reasons = vec![
-        format!("{:.0} % of a surface lies on the other and faces alike", 100.0 * evidence.overlap),
-        format!("surfaces that lie on each other look alike by {:.2} nats", evidence.likeness),
-        format!("{:.1} matches agree", evidence.support),
-    ];
-    if let Some(share) = evidence.contradicted {
-        let percent = 100.0 * share;
-        reasons.push(format!("{percent:.1} % stand where a sensor looked through"));
-    }
-    if let Some(loose) = covariance.as_ref().map(|it| it.undetermined.len()).filter(|&n| n > 0) {
-        reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
-    }
-    Verdict::new(probability(evidence), evidence.overlap, reasons, runner_up, covariance)
 }
 
 /// Eight points spread over the surface, in the order of its points.
