@@ -49,8 +49,10 @@ pub fn markdown(rows: &[Row]) -> String {
             }
         }
     }
-    text += "\n| set | method | right poses | NEES (median; 5.3 expected) | within the 95 % region |\n\
-             |---|---|---|---|---|\n";
+    if rows.iter().any(|row| row.right && row.nees.is_some()) {
+        text += "\n| set | method | right poses | NEES (median; 5.3 expected) | within the 95 % region |\n\
+                 |---|---|---|---|---|\n";
+    }
     for set in &sets {
         for method in &methods {
             let right = of(set, method).into_iter().filter(|row| row.right);
