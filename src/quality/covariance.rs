@@ -179,6 +179,8 @@ impl PoseCovariance {
 struct Frame {
     center: Vec3,
     radius: f64,
+    /// Of all contacts.
+    weight: f64,
 }
 
 impl Frame {
@@ -195,7 +197,7 @@ impl Frame {
             part(contact) * math::dot(arm, arm)
         };
         let radius = contacts.iter().map(square).sum::<f64>().sqrt();
-        (radius > 0.0).then_some(Frame { center, radius })
+        (radius > 0.0).then_some(Frame { center, radius, weight })
     }
 
     /// How the distance along `normal` grows with a motion, in radii.
@@ -247,8 +249,8 @@ impl Frame {
                 pull(motions[k / 2].map(|x| sign * x))
             },
         );
-        let weight = |most| contacts(pose, most).iter().map(|contact| contact.weight).sum::<f64>();
-        let share = weight(PROBES) / weight(usize::MAX);
+        let probed: f64 = contacts(pose, PROBES).iter().map(|contact| contact.weight).sum();
+        let share = probed / self.weight;
         std::array::from_fn(|k| {
             std::array::from_fn(|l| (steps[2 * l][k] - steps[2 * l + 1][k]) / (2.0 * step * share))
         })
