@@ -72,7 +72,7 @@ pub struct PoseCovariance {
 /// Pairs below which nothing is said.
 const LEAST: usize = 10;
 /// Side of the cubes within which errors are taken to go together, in spacings.
-const TOGETHER: f64 = 4.0;
+const TOGETHER: f64 = 8.0;
 /// Share of the curvature along a motion that normals of both surfaces must agree on: the rest
 /// is their noise, which holds nothing.
 const AGREED: f64 = 0.5;
@@ -101,16 +101,17 @@ impl PoseCovariance {
         let frame = Frame::of(&all)?;
         let mut curvature = [[0.0; 6]; 6];
         let mut agreed = [[0.0; 6]; 6];
-        let mut pulls: BTreeMap<[i64; 3], Vec6> = BTreeMap::new();
+        let mut cubes: BTreeMap<[i64; 3], Cube> = BTreeMap::new();
         for contact in &all {
             let normal = contact.normal();
             let side = |n: Vec3| if math::dot(n, normal) < 0.0 { math::scaled(n, -1.0) } else { n };
             let row = frame.row(contact, normal);
             let [own, other] = contact.normals.map(|n| frame.row(contact, side(n)));
             let cube = contact.place.map(|x| (x / (TOGETHER * spacing)).floor() as i64);
-            let pull = pulls.entry(cube).or_default();
+            let cube = cubes.entry(cube).or_default();
+            cube.weight += contact.weight;
             for i in 0..6 {
-                pull[i] += frame.off(contact) * row[i];
+                cube.pull[i] += frame.off(contact) * row[i];
                 for j in 0..6 {
                     curvature[i][j] += contact.weight * row[i] * row[j];
                     agreed[i][j] += 0.5 * contact.weight * (own[i] * other[j] + other[i] * own[j]);
@@ -120,9 +121,10 @@ impl PoseCovariance {
         let (values, motions) = eigen(&curvature)?;
         let along = |k: usize, v: &Vec6| (0..6).map(|i| motions[k][i] * v[i]).sum::<f64>();
         let mut scatter = [[0.0; 6]; 6];
-        for pull in pulls.values() {
-            let pull: Vec6 = std::array::from_fn(|k| along(k, pull));
-            (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += pull[i] * pull[j]));
+        let fitted = Cube::fitted(cubes.values());
+        for cube in cubes.values() {
+            let pull: Vec6 = std::array::from_fn(|k| along(k, &cube.pull));
+            (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += fitted * pull[i] * pull[j]));
         }
         let answer = frame.answer(&contacts, pose, &motions, STEP * spacing);
         let known = spacing / frame.radius;
@@ -172,6 +174,26 @@ impl PoseCovariance {
         let error = [a, b, c, x, y, z];
         let Some(factor) = cholesky::factor(&self.matrix) else { return f64::NAN };
         cholesky::solve(&factor, &error).iter().zip(error).map(|(a, b)| a * b).sum()
+    }
+}
+
+/// Contacts whose errors are taken to go together.
+#[derive(Default)]
+struct Cube {
+    weight: f64,
+    pull: Vec6,
+}
+
+impl Cube {
+    /// What the scatter of so many cubes is too small by, six unknowns having been fitted to
+    /// them: n / (n − 6), at most 2, for n as many cubes of one weight.
+    fn fitted<'a>(cubes: impl Iterator<Item = &'a Cube>) -> f64 {
+        let sums = |(sum, squares): (f64, f64), cube: &Cube| {
+            (sum + cube.weight, squares + cube.weight * cube.weight)
+        };
+        let (sum, squares) = cubes.fold((0.0, 0.0), sums);
+        let n = sum * sum / squares;
+        if n > 12.0 { n / (n - 6.0) } else { 2.0 }
     }
 }
 
