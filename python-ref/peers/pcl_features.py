@@ -3,22 +3,12 @@
 
 import subprocess
 import tempfile
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import reference as ref
-from pcl.programs import build
-
-
-@cache
-def program(name):
-    """A C++ program, or None after a line that says what is left out."""
-    path = build(name)
-    if path is None:
-        print(f"left out: PCL's {name} (libpcl-dev or cmake is not installed)")
-    return path
+from pcl.programs import program
 
 
 def described_points(points, k, sift=None):
