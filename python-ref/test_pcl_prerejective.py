@@ -1,0 +1,42 @@
+"""PCL's global registration: a pose is found, and none is told where too little would meet."""
+
+import unittest
+
+import numpy as np
+
+from pcl import prerejective
+from pcl.programs import program
+from surfaces import VIEWPOINT, random_rotation, relief
+
+VOXEL = 0.1
+
+
+@unittest.skipIf(program("prerejective") is None, "libpcl-dev, cmake or g++ is not installed")
+class Prerejective(unittest.TestCase):
+    def setUp(self):
+        rng = np.random.default_rng(1)
+        self.target = relief(4000, rng)
+        self.turn, self.shift = random_rotation(rng), np.array([1.0, -2.0, 0.5])
+        self.source = (relief(4000, rng) - self.shift) @ self.turn
+        self.sensors = [(VIEWPOINT - self.shift) @ self.turn, VIEWPOINT]
+
+    def align(self, target):
+        return prerejective.align(self.source, target, self.sensors, VOXEL)
+
+    def test_the_pose_is_found_and_found_again(self):
+        pose, accepted, seconds = self.align(self.target)
+        self.assertTrue(accepted)
+        self.assertGreater(seconds, 0)
+        moved, truth = (self.source @ r.T + t for r, t in ((pose[:3, :3], pose[:3, 3]), (self.turn, self.shift)))
+        self.assertLess(np.linalg.norm(moved - truth, axis=1).mean(), VOXEL)
+        np.testing.assert_array_equal(self.align(self.target)[0], pose)
+
+    def test_a_corner_on_which_no_quarter_of_the_source_fits_has_no_pose(self):
+        corner = self.target[(self.target[:, :2] < [-0.7, -0.4]).all(axis=1)]
+        pose, accepted, _ = self.align(corner)
+        self.assertIsNone(pose)
+        self.assertFalse(accepted)
+
+
+if __name__ == "__main__":
+    unittest.main()
