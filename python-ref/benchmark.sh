@@ -7,6 +7,7 @@ folder="$(cd "${1:-${CFREG_DATA:?names the folder of the scans}}" && pwd)"
 shift || true
 cd "$(dirname "$0")"
 source environment.sh requirements-peers.txt
+source pcl/install.sh
 "$python" -m pip install --quiet --disable-pip-version-check ..
 every="${BENCHMARK_EVERY:-1}"
 poses="../target/benchmark-poses-$every.csv"

@@ -2,10 +2,11 @@
 `cfreg benchmark PAIRS.csv --poses POSES.csv` judges beside the crate's own.
 
     python benchmark_peers.py PAIRS.csv --folder DATA --output POSES.csv [--every N]
-        [--only open3d-ransac,open3d-fgr,kiss-matcher] [--origin]
+        [--only open3d-ransac,open3d-fgr,kiss-matcher,pcl-prerejective] [--origin]
 
 The peers want a voxel size. They get one that suits each cloud: 4 mm for objects below a metre,
-5 cm for rooms below 25 m, 0.5 m for streets. A run that was cut short goes on.
+5 cm for rooms below 25 m, 0.5 m for streets. A run that was cut short goes on. PCL's is a program
+of its own and tells its seconds itself; where it cannot be built it is left out.
 """
 
 import argparse
@@ -15,6 +16,9 @@ from pathlib import Path
 
 import cfreg
 import numpy as np
+
+from pcl import prerejective
+from pcl.programs import program
 
 TITLES = ["method", "source", "target", *(f"t{i}{j}" for i in range(4) for j in range(4)), "seconds", "accepted"]
 
@@ -86,7 +90,12 @@ def by_kiss_matcher(source, target, sensors, size):
     return pose, bool(found.valid)
 
 
-PEERS = {"open3d-ransac": open3d_ransac, "open3d-fgr": open3d_fgr, "kiss-matcher": by_kiss_matcher}
+PEERS = {
+    "open3d-ransac": open3d_ransac,
+    "open3d-fgr": open3d_fgr,
+    "kiss-matcher": by_kiss_matcher,
+    "pcl-prerejective": prerejective.align,
+}
 
 
 def motion(number, size):
@@ -112,6 +121,9 @@ def main():
     parser.add_argument("--every", type=int, default=1, help="every N-th pair alone")
     parser.add_argument("--origin", action="store_true", help="sensors stand at the zero of each file")
     options = parser.parse_args()
+    names = options.only.split(",")
+    if "pcl-prerejective" in names and program("prerejective") is None:
+        names.remove("pcl-prerejective")
     folder = options.folder or options.pairs.parent
     done = set()
     if options.output.exists():
@@ -126,27 +138,27 @@ def main():
             rows.writerow(TITLES)
         for number, pair in enumerate(pairs):
             ends = [pair[end] for end in ("source", "target")]
-            for name in ends:
-                if name not in clouds:
-                    clouds[name] = np.asarray(cfreg.read(folder / name).points, dtype=np.float64)
-            source, target = (clouds[name] for name in ends)
+            for end in ends:
+                if end not in clouds:
+                    clouds[end] = np.asarray(cfreg.read(folder / end).points, dtype=np.float64)
+            source, target = (clouds[end] for end in ends)
             size = voxel(source, {"cm": 0.01, "mm": 0.001}.get(pair.get("units"), 1.0))
             moved_by = motion(number, np.linalg.norm(np.ptp(source, axis=0)))
             moved = source @ moved_by[:3, :3].T + moved_by[:3, 3]
             sensors = [moved_by[:3, 3], np.zeros(3)]
             if not options.origin:
                 sensors = [np.zeros(3), np.zeros(3)]  # as Open3D takes it where nothing is said
-            for name in options.only.split(","):
+            for name in names:
                 if (name, *ends) in done:
                     continue
                 start = time.perf_counter()
                 try:
-                    pose, accepted = PEERS[name](moved, target, sensors, size)
-                    entries = (pose @ moved_by).ravel().tolist()
+                    pose, accepted, *told = PEERS[name](moved, target, sensors, size)
                 except RuntimeError as error:
                     print(f"{name}: {ends[0]} -> {ends[1]}: {error}")
-                    entries, accepted = [""] * 16, False
-                seconds = time.perf_counter() - start
+                    pose, accepted, told = None, False, []
+                seconds = told[0] if told else time.perf_counter() - start
+                entries = [""] * 16 if pose is None else (pose @ moved_by).ravel().tolist()
                 rows.writerow([name, *ends, *entries, seconds, str(accepted).lower()])
                 file.flush()
 
