@@ -3,7 +3,7 @@
 mod common;
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register};
+use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Teaser};
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{PointCloud, Transform};
@@ -202,6 +202,22 @@ fn a_source_point_of_weight_two_is_two_pairs_of_icp() {
     assert!(off < 1e-9, "{off:e}");
     let off = poses_differ_by(&refine(&source).transform, &refine(&heavy).transform);
     assert!(off > 1e-5, "{off:e}");
+}
+
+#[test]
+fn what_counts_nothing_has_no_match_in_teaser() {
+    let [source, _] = clouds();
+    let motion = Transform::from_rotation_vector([0.05, -0.08, 0.1]);
+    let target = source.transformed(&motion).unwrap();
+    let pairs: Vec<(u32, u32)> = (0..source.len() as u32).map(|i| (i, i)).collect();
+    let counts = |i: usize, every: usize| f64::from(u8::from(i % every > 0));
+    let left = (0..source.len()).filter(|&i| counts(i, 3) * counts(i, 5) > 0.0).count() as u64;
+    let (source, target) = (weighed(&source, |i| counts(i, 3)), weighed(&target, |i| counts(i, 5)));
+    let given = Teaser::default().register_matches(&source, &target, &pairs).unwrap();
+    assert_eq!(given.connections, left);
+    // Two samples of the same points look alike point by point.
+    let found = Teaser::default().register(&source, &target).unwrap();
+    assert!(found.connections <= left, "{} of {left}", found.connections);
 }
 
 #[test]

@@ -231,3 +231,27 @@ impl Surface {
         Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_means_of_cubes_and_move_no_surface() {
+        let at = |i: usize| {
+            let (x, y) = ((i % 60) as f64, (i / 60) as f64);
+            [x, y, 4.0 * (0.2 * x).sin() + 3.0 * (0.15 * y).cos()]
+        };
+        let cloud = PointCloud::new(&(0..3600).map(at).collect::<Vec<_>>()).unwrap();
+        // As heavy as they lie far to the right: at 29.5 in the mean.
+        let weights = cloud.positions().map(|p| p[0]).collect();
+        let heavy = cloud.clone().with_weights(weights).unwrap();
+        let surface = |cloud| Scan::new(cloud, 3.0, "it").unwrap().surface(View::Outward).unwrap();
+        let (plain, heavy) = (surface(&cloud), surface(&heavy));
+        assert_eq!(plain.points, heavy.points);
+        for i in 0..heavy.len() {
+            let want = (heavy.place(i)[0] + heavy.origin[0]) / 29.5;
+            assert!((heavy.weight(i) - want).abs() < 1e-5 && plain.weight(i) == 1.0);
+        }
+    }
+}
