@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
-use crate::math;
+use crate::math::{self, Vec3};
 use crate::search;
 
 /// One point per occupied cube of side `size`: the mean of the points (and normals, and
@@ -26,34 +26,36 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
     if members.is_empty() {
         return Ok(cloud.clone());
     }
-    let total = |cell: &Vec<usize>| -> f64 {
-        cloud.weights().map_or(0.0, |w| cell.iter().map(|&i| f64::from(w[i])).sum())
-    };
-    let mean = |cell: &Vec<usize>, value: &dyn Fn(usize) -> math::Vec3| {
+    let totals = cloud.weights().map(|weights| {
+        let total = |cell: &Vec<usize>| cell.iter().map(|&i| f64::from(weights[i])).sum();
+        members.iter().map(total).collect::<Vec<f64>>()
+    });
+    let mean = |cell: usize, value: &dyn Fn(usize) -> Vec3| {
+        let within = &members[cell];
         let sum_of = |share: &dyn Fn(usize) -> f64| {
-            cell.iter().fold([0.0; 3], |sum, &i| math::add(sum, math::scaled(value(i), share(i))))
+            within.iter().fold([0.0; 3], |sum, &i| math::add(sum, math::scaled(value(i), share(i))))
         };
-        match (cloud.weights(), total(cell)) {
-            (Some(weights), total) if total > 0.0 => sum_of(&|i| f64::from(weights[i]) / total),
-            _ => math::scaled(sum_of(&|_| 1.0), 1.0 / cell.len() as f64),
+        match (cloud.weights(), totals.as_ref().map(|totals| totals[cell])) {
+            (Some(weights), Some(total)) if total > 0.0 => {
+                sum_of(&|i| f64::from(weights[i]) / total)
+            }
+            _ => math::scaled(sum_of(&|_| 1.0), 1.0 / within.len() as f64),
         }
     };
+    let means = |value: &dyn Fn(usize) -> Vec3| -> Vec<Vec3> {
+        (0..members.len()).map(|cell| mean(cell, value)).collect()
+    };
     // Means of small local numbers, moved to the cloud's frame afterwards.
-    let local = |i: usize| cloud.points()[i].map(f64::from);
-    let points: Vec<_> =
-        members.iter().map(|cell| math::add(cloud.origin(), mean(cell, &local))).collect();
-    let normals = cloud.normals().map(|normals| {
-        let value = |i: usize| normals[i].map(f64::from);
-        members.iter().map(|cell| mean(cell, &value)).collect::<Vec<_>>()
-    });
-    let weights = cloud.weights().map(|_| members.iter().map(total).collect::<Vec<_>>());
+    let local = means(&|i| cloud.points()[i].map(f64::from));
+    let points: Vec<Vec3> = local.into_iter().map(|p| math::add(cloud.origin(), p)).collect();
+    let normals = cloud.normals().map(|normals| means(&|i| normals[i].map(f64::from)));
     let channels = cloud.channels().map(|values| {
-        let value = |i: usize| [f64::from(values[i]), 0.0, 0.0];
-        members.iter().map(|cell| mean(cell, &value)[0] as f32).collect()
+        let means = means(&|i| [f64::from(values[i]), 0.0, 0.0]);
+        means.into_iter().map(|[value, ..]| value as f32).collect()
     });
     let has = Attributes {
         normals: normals.as_deref(),
-        weights: weights.as_deref(),
+        weights: totals.as_deref(),
         channels: Some(&channels),
     };
     cloud.replaced(&points, has)
@@ -92,7 +94,7 @@ pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
 /// Points a cube by which cubes are counted.
 const ENOUGH: usize = 20;
 
-fn cube(p: math::Vec3, low: math::Vec3, size: f64) -> [i64; 3] {
+fn cube(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
     math::sub(p, low).map(|x| (x / size).floor() as i64)
 }
 

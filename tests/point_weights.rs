@@ -3,7 +3,7 @@
 mod common;
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register};
+use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Teaser};
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{PointCloud, Transform};
@@ -205,6 +205,22 @@ fn a_source_point_of_weight_two_is_two_pairs_of_icp() {
 }
 
 #[test]
+fn what_counts_nothing_has_no_match_in_teaser() {
+    let [source, _] = clouds();
+    let motion = Transform::from_rotation_vector([0.05, -0.08, 0.1]);
+    let target = source.transformed(&motion).unwrap();
+    let pairs: Vec<(u32, u32)> = (0..source.len() as u32).map(|i| (i, i)).collect();
+    let counts = |i: usize, every: usize| f64::from(u8::from(!i.is_multiple_of(every)));
+    let left = (0..source.len()).filter(|&i| counts(i, 3) * counts(i, 5) > 0.0).count() as u64;
+    let (source, target) = (weighed(&source, |i| counts(i, 3)), weighed(&target, |i| counts(i, 5)));
+    let given = Teaser::default().register_matches(&source, &target, &pairs).unwrap();
+    assert_eq!(given.connections, left);
+    // Two samples of the same points look alike point by point.
+    let found = Teaser::default().register(&source, &target).unwrap();
+    assert!(found.connections <= left, "{} of {left}", found.connections);
+}
+
+#[test]
 fn what_counts_nothing_does_not_pull_the_pose() {
     // A clump that only the source has, heavy in points and light in weight.
     let [source, target] = clouds();
@@ -223,6 +239,26 @@ fn what_counts_nothing_does_not_pull_the_pose() {
     };
     let (with, without) = (error(&whole), error(&known));
     assert!(without < 2.0 && with > 2.0 * without, "{with} {without}");
-    let found = Consensus::default().register(&known, &target).unwrap();
-    assert!(found.transform.after(&truth.inverse()).angle().to_degrees() < 5.0);
+}
+
+#[test]
+fn consensus_follows_what_counts() {
+    // Two stones that moved each its way.
+    let motions = [[0.05, -0.08, 0.1], [0.3, 0.2, -0.4]].map(Transform::from_rotation_vector);
+    let few = 1500;
+    let stones = |seed: u64, [small, large]: [Transform; 2]| {
+        let [one, other] =
+            [(few, seed), (2 * few, seed + 2)].map(|(n, seed)| boulder().sample(n, seed).unwrap());
+        let aside = |[x, y, z]: [f64; 3]| [1.5 * x + 4.0, 0.7 * y, z];
+        let one = one.positions().map(|p| small.apply(p));
+        let all = one.chain(other.positions().map(|p| large.apply(aside(p))));
+        PointCloud::new(&all.collect::<Vec<_>>()).unwrap()
+    };
+    let (source, target) = (stones(1, [Transform::IDENTITY; 2]), stones(2, motions));
+    for (which, motion) in motions.iter().enumerate() {
+        let known = weighed(&source, |i| f64::from(u8::from((i < few) == (which == 0))));
+        let found = Consensus::default().register(&known, &target).unwrap();
+        let off = found.transform.after(&motion.inverse()).angle().to_degrees();
+        assert!(off < 5.0, "stone {which}: {off}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::{Outcome, outputs, print, progress};
 use crate::error::Result;
@@ -42,9 +42,10 @@ pub(super) struct Benchmark {
     /// Seed of the motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Where the sensors stood
-    #[arg(long, value_enum, default_value_t = Sensors::File)]
-    viewpoints: Sensors,
+    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
+    /// each file's frame, where it says nothing), none (unknown)
+    #[arg(long, value_name = "WHERE", default_value_t)]
+    viewpoints: Viewpoints,
     /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
     #[arg(long)]
@@ -58,17 +59,6 @@ pub(super) struct Benchmark {
     /// Threads, 0 for all cores; never changes the poses
     #[arg(long, value_name = "T", default_value_t = 0)]
     threads: usize,
-}
-
-/// Words for [`Viewpoints`].
-#[derive(Clone, Copy, ValueEnum)]
-enum Sensors {
-    /// Where the files say, if they do
-    File,
-    /// At the zero of each file's frame, where it says nothing
-    Origin,
-    /// Unknown
-    None,
 }
 
 impl Benchmark {
@@ -92,11 +82,7 @@ impl Benchmark {
         let settings = Settings {
             moved: !self.as_they_stand,
             seed: self.seed,
-            viewpoints: match self.viewpoints {
-                Sensors::File => Viewpoints::File,
-                Sensors::Origin => Viewpoints::Origin,
-                Sensors::None => Viewpoints::None,
-            },
+            viewpoints: self.viewpoints,
             rule: self.rule,
             points: self.sample,
         };

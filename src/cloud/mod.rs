@@ -11,5 +11,6 @@ mod visible;
 pub use channels::Channels;
 pub use descriptors::Descriptors;
 pub use mesh::{MOST_POINTS, Mesh};
+pub(crate) use point_cloud::check_weights;
 pub use point_cloud::{Attributes, Parts, PointCloud};
 pub use transform::Transform;

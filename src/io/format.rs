@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::table::Lines;
+use super::lines::Lines;
 
 /// A format that clouds are read from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -15,7 +15,11 @@
 //! are there before memory is taken for it, and whatever is wrong is an
 //! [`Error::Parse`] with its line or byte.
 
+mod columns;
+mod fault;
+mod fields;
 mod format;
+mod lines;
 mod pcd;
 mod ply;
 mod pose;
@@ -29,9 +33,10 @@ use std::path::{Path, PathBuf};
 use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
+use columns::Columns;
+use fault::Fault;
 pub use format::Format;
 pub use pose::{read_transform, write_transform};
-use table::{Columns, Fault};
 
 /// Reads a cloud, in the unit and frame of the file.
 ///

@@ -12,9 +12,11 @@ use std::io::{self, Read, Write};
 
 use pcd_rs::{DataKind, DynReader, Field, PcdMeta, ValueKind};
 
-use super::table::{
-    Columns, Fault, Kind, Lines, Table, check_claim, extra_names, is_single, shown, write_binary,
-};
+use super::columns::{Columns, Kind};
+use super::fault::{Fault, check_claim, shown};
+use super::fields::{extra_names, is_single, write_binary};
+use super::lines::Lines;
+use super::table::Table;
 use crate::cloud::PointCloud;
 
 /// The longest header that is read, bytes.

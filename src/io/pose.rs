@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::table::{Fault, Lines, number, shown};
+use super::fault::{Fault, shown};
+use super::lines::{Lines, number};
 use super::{load, replace};
 use crate::cloud::Transform;
 use crate::error::Result;

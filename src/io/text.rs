@@ -2,9 +2,11 @@
 
 use std::io::{self, Write};
 
-use super::table::{
-    Columns, Fault, Lines, Table, extra_names, extra_values, is_single, number, shown,
-};
+use super::columns::Columns;
+use super::fault::{Fault, shown};
+use super::fields::{extra_names, extra_values, is_single};
+use super::lines::{Lines, number};
+use super::table::Table;
 use crate::cloud::PointCloud;
 
 /// What some editors put before UTF-8 text.

@@ -1,25 +1,12 @@
 //! The full connection between two described clouds, and its moments.
 
-use super::reduce::{Least, MomentSums, RowSums, Targets};
+use super::dense::{self, inverted, nearest, row_sums};
+use super::side::{Described, PointWeights, Side};
 use super::skip;
 use super::sums::Moments;
-use super::tile::{Panels, Rows, SOURCES, Scaling, joint_mean, weigh_block};
-use crate::cloud::Descriptors;
+use super::tile::{Scaling, joint_mean};
 use crate::error::{Error, Result};
-use crate::math::{self, Vec3};
-use crate::par;
 use crate::weight::{Bandwidth, KernelVisitor, Normalization, WeightKernel, WeightScheme};
-
-/// One side of the connection: where its points are, and what they look like.
-#[derive(Debug, Clone, Copy)]
-pub struct Described<'a> {
-    /// Positions relative to `origin`, as in [`PointCloud`](crate::PointCloud).
-    pub points: &'a [[f32; 3]],
-    /// Added to `points` gives the cloud's own frame.
-    pub origin: Vec3,
-    /// One row a point.
-    pub descriptors: &'a Descriptors,
-}
 
 /// Every source point connected with every target point (the paper's fig. 1), ready to
 /// be weighed with any kernel, any number of times.
@@ -48,71 +35,6 @@ pub struct FullConnection {
 const RESOLVED: f64 = 1e-3;
 /// Least bandwidth of all, where descriptors do not differ.
 const SMALLEST: f64 = 1e-12;
-
-/// A side, laid out both ways: as rows when it is cut into blocks, as panels when it is
-/// streamed.
-pub(super) struct Side {
-    pub(super) origin: Vec3,
-    pub(super) points: Vec<[f32; 3]>,
-    pub(super) rows: Rows,
-    panels: Panels,
-    weights: Option<PointWeights>,
-}
-
-/// Weights of a side's points as `scale` times numbers up to 1, so that f32 holds their products
-/// with others. A power of two: no digit changes.
-struct PointWeights {
-    shares: Vec<f32>,
-    scale: f64,
-}
-
-impl PointWeights {
-    fn new(weights: &[f32], points: usize, side: &str) -> Result<Self> {
-        let what = || format!("weights of the {side}'s points");
-        if weights.len() != points {
-            return Err(Error::Shape { what: what(), expected: points, found: weights.len() });
-        }
-        if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
-            return Err(Error::NonFinite { what: what(), index });
-        }
-        if let Some(weight) = weights.iter().find(|&&weight| weight < 0.0) {
-            return Err(Error::config("weights", weight, "must be 0 or more"));
-        }
-        let most = f64::from(weights.iter().fold(0.0f32, |most, &weight| most.max(weight)));
-        let scale = if most > 0.0 { 2f64.powi(most.log2().ceil() as i32) } else { 1.0 };
-        let shares = weights.iter().map(|&weight| (f64::from(weight) / scale) as f32).collect();
-        Ok(PointWeights { shares, scale })
-    }
-}
-
-impl Side {
-    fn new(described: &Described<'_>, mean: &[f64], name: &str) -> Result<Self> {
-        let n = described.points.len();
-        if n == 0 {
-            let what = format!("the {name} of a full connection");
-            return Err(Error::TooFewPoints { what, found: 0, needed: 1 });
-        }
-        if described.descriptors.len() != n {
-            return Err(Error::Shape {
-                what: format!("descriptors of the {name}'s points"),
-                expected: n,
-                found: described.descriptors.len(),
-            });
-        }
-        // About the centroid: sums of squares about a far origin would lose digits.
-        let sum = described.points.iter().fold([0.0; 3], |s, p| math::add(s, p.map(f64::from)));
-        let centroid = math::scaled(sum, 1.0 / n as f64);
-        let centred = |p: &[f32; 3]| math::sub(p.map(f64::from), centroid).map(|x| x as f32);
-        let rows = Rows::new(described.descriptors, mean)?;
-        Ok(Side {
-            origin: math::add(described.origin, centroid),
-            points: described.points.iter().map(centred).collect(),
-            panels: rows.panels(),
-            rows,
-            weights: None,
-        })
-    }
-}
 
 impl FullConnection {
     /// Connects all points of `source` with all of `target`.
@@ -180,24 +102,25 @@ impl FullConnection {
         kernel: &K,
         normalization: Normalization,
     ) -> Result<Moments> {
+        let FullConnection { source, target } = self;
         let moments = match normalization {
-            Normalization::None => self.weigh(kernel, Scaling::None),
+            Normalization::None => dense::weigh(source, target, kernel, Scaling::None),
             Normalization::Source => {
                 let u = inverted(&self.source_sums(kernel), 1.0);
-                self.weigh(kernel, Scaling::Source(&u))
+                dense::weigh(source, target, kernel, Scaling::Source(&u))
             }
             Normalization::Target => {
                 let v = inverted(&self.target_sums(kernel), 1.0);
-                self.weigh(kernel, Scaling::Target(&v))
+                dense::weigh(source, target, kernel, Scaling::Target(&v))
             }
             Normalization::Both => {
                 let u = inverted(&self.source_sums(kernel), 1.0);
                 let v = inverted(&self.target_sums(kernel), 1.0);
-                self.weigh(kernel, Scaling::Dual(&u, &v))
+                dense::weigh(source, target, kernel, Scaling::Dual(&u, &v))
             }
             Normalization::Sinkhorn(rounds) => {
                 let (u, v) = self.sinkhorn(kernel, rounds);
-                self.weigh(kernel, Scaling::Product(&u, &v))
+                dense::weigh(source, target, kernel, Scaling::Product(&u, &v))
             }
         };
         moments.centered()?;
@@ -288,25 +211,26 @@ impl FullConnection {
         if expected != found {
             return Err(Error::Shape { what: "factors of target points".into(), expected, found });
         }
-        let moments = self.weigh(kernel, Scaling::Target(target_factors));
+        let scaling = Scaling::Target(target_factors);
+        let moments = dense::weigh(&self.source, &self.target, kernel, scaling);
         moments.centered()?;
         Ok(moments)
     }
 
     /// Σ_j w_ij of every source point.
     pub fn source_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
-        row_sums(&self.source.rows, &self.target.panels, kernel, Scaling::None)
+        row_sums(&self.source, &self.target, kernel, Scaling::None)
     }
 
     /// Σ_i w_ij of every target point.
     pub fn target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
-        row_sums(&self.target.rows, &self.source.panels, kernel, Scaling::None)
+        row_sums(&self.target, &self.source, kernel, Scaling::None)
     }
 
     /// Of every source point, the target point with the most similar descriptor; the
     /// lower index where two are equally near.
     pub fn nearest_targets(&self) -> Vec<u32> {
-        let nearest = nearest(&self.source.rows, &self.target.panels);
+        let nearest = nearest(&self.source, &self.target);
         nearest.into_iter().map(|(_, target)| target).collect()
     }
 
@@ -319,7 +243,7 @@ impl FullConnection {
 
     /// Of every target point, the source point with the most similar descriptor.
     pub fn nearest_sources(&self) -> Vec<u32> {
-        let nearest = nearest(&self.target.rows, &self.source.panels);
+        let nearest = nearest(&self.target, &self.source);
         nearest.into_iter().map(|(_, source)| source).collect()
     }
 
@@ -337,8 +261,8 @@ impl FullConnection {
             Bandwidth::Fixed(beta) => return Ok(beta),
             Bandwidth::Auto(share) => share,
         };
-        let there = nearest(&self.source.rows, &self.target.panels);
-        let back = nearest(&self.target.rows, &self.source.panels);
+        let there = nearest(&self.source, &self.target);
+        let back = nearest(&self.target, &self.source);
         let mut least: Vec<f32> = there.iter().chain(&back).map(|&(d2, _)| d2).collect();
         let half = least.len() / 2;
         let (_, &mut median, _) = least.select_nth_unstable_by(half, f32::total_cmp);
@@ -354,54 +278,8 @@ impl FullConnection {
             return self.target_sums(kernel);
         };
         let scaling = Scaling::Target(shares);
-        let sums = row_sums(&self.target.rows, &self.source.panels, kernel, scaling);
+        let sums = row_sums(&self.target, &self.source, kernel, scaling);
         sums.into_iter().map(|sum| scale * sum).collect()
-    }
-
-    /// Weighs all pairs, by the weights of their points too: these become part of the factors.
-    fn weigh<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
-        if !self.has_point_weights() {
-            return self.weigh_pairs(kernel, scaling);
-        }
-        let shares = |side: &Side| match &side.weights {
-            Some(weights) => weights.shares.clone(),
-            None => vec![1.0; side.rows.len()],
-        };
-        let with = |factors: &[f32], mut shares: Vec<f32>| {
-            shares.iter_mut().zip(factors).for_each(|(share, factor)| *share *= factor);
-            shares
-        };
-        let (mut u, mut v) = (shares(&self.source), shares(&self.target));
-        match scaling {
-            Scaling::None => {}
-            Scaling::Source(factors) => u = with(factors, u),
-            Scaling::Target(factors) => v = with(factors, v),
-            Scaling::Product(rows, columns) | Scaling::Dual(rows, columns) => {
-                (u, v) = (with(rows, u), with(columns, v));
-            }
-        }
-        let scaling = match scaling {
-            Scaling::Dual(..) => Scaling::Dual(&u, &v),
-            _ => Scaling::Product(&u, &v),
-        };
-        let scale = |side: &Side| side.weights.as_ref().map_or(1.0, |weights| weights.scale);
-        self.weigh_pairs(kernel, scaling).times(scale(&self.source) * scale(&self.target))
-    }
-
-    fn weigh_pairs<K: WeightKernel>(&self, kernel: &K, scaling: Scaling<'_>) -> Moments {
-        let (rows, panels) = (&self.source.rows, &self.target.panels);
-        let targets = Targets::new(&self.target.points);
-        let start = Moments::about(self.source.origin, self.target.origin);
-        let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
-            let sums = vec![[0.0; 6]; block.len()];
-            let mut reducer = MomentSums { targets: &targets, sums };
-            weigh_block(rows, block.clone(), panels, kernel, scaling, &mut reducer, tile);
-            reducer.fold(&self.source.points[block], start)
-        });
-        blocks.iter().fold(start, |mut sum, block| {
-            sum.merge(block);
-            sum
-        })
     }
 
     /// Factors uᵢ and vⱼ after `rounds` of Sinkhorn-Knopp.
@@ -409,11 +287,9 @@ impl FullConnection {
         let (n, m) = (self.source.rows.len(), self.target.rows.len());
         let (mut u, mut v) = (Vec::new(), vec![1.0f32; m]);
         for _ in 0..rounds {
-            let sums =
-                row_sums(&self.source.rows, &self.target.panels, kernel, Scaling::Target(&v));
+            let sums = row_sums(&self.source, &self.target, kernel, Scaling::Target(&v));
             u = inverted(&sums, 1.0 / n as f64);
-            let sums =
-                row_sums(&self.target.rows, &self.source.panels, kernel, Scaling::Target(&u));
+            let sums = row_sums(&self.target, &self.source, kernel, Scaling::Target(&u));
             v = inverted(&sums, 1.0 / m as f64);
         }
         (u, v)
@@ -429,38 +305,4 @@ pub fn check_tolerance(tolerance: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::config("tolerance", tolerance, "must be at least 0 and below 1"))
-}
-
-fn row_sums<K: WeightKernel>(
-    rows: &Rows,
-    panels: &Panels,
-    kernel: &K,
-    scaling: Scaling<'_>,
-) -> Vec<f64> {
-    let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
-        let mut reducer = RowSums { sums: vec![0.0; block.len()] };
-        weigh_block(rows, block, panels, kernel, scaling, &mut reducer, tile);
-        reducer.sums
-    });
-    blocks.concat()
-}
-
-/// Squared distance to the nearest column of each row, and which it is.
-fn nearest(rows: &Rows, panels: &Panels) -> Vec<(f32, u32)> {
-    let blocks = par::map_blocks(rows.len(), SOURCES, Vec::new, |tile, block| {
-        let mut reducer = Least { found: vec![(f32::INFINITY, 0); block.len()] };
-        let distance = |d2: f32| d2;
-        weigh_block(rows, block, panels, &distance, Scaling::None, &mut reducer, tile);
-        reducer.found
-    });
-    blocks.concat()
-}
-
-/// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.
-/// A NaN sum stays NaN, so that a bad kernel is reported and not hidden.
-pub(super) fn inverted(sums: &[f64], numerator: f64) -> Vec<f32> {
-    let invert = |&sum: &f64| {
-        if sum < f64::from(f32::MIN_POSITIVE) { 0.0 } else { (numerator / sum) as f32 }
-    };
-    sums.iter().map(invert).collect()
 }

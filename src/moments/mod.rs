@@ -11,14 +11,17 @@
 //! number of threads. [`naive`] is the specification: the double loop in f64.
 
 mod connection;
+mod dense;
 pub mod naive;
 mod pairs;
 mod reduce;
+mod side;
 mod skip;
 mod sums;
 mod tile;
 
-pub use connection::{Described, FullConnection, check_tolerance};
+pub use connection::{FullConnection, check_tolerance};
 pub(crate) use pairs::check_indices;
 pub use pairs::{WeightedPair, of_pairs};
+pub use side::Described;
 pub use sums::{Centered, Moments};

@@ -1,7 +1,7 @@
 //! The specification of [`super::FullConnection`]: the double loop, in f64, with the
 //! normalisations as they are defined. O(N·M) memory for those; the oracle of tests.
 
-use super::connection::Described;
+use super::side::Described;
 use super::sums::Moments;
 use crate::math::{self, Vec3};
 use crate::weight::Normalization;

@@ -14,9 +14,10 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
 use super::detached::detached;
-use super::errors::{ShapeError, exception, non_finite};
-use crate::cloud::Descriptors;
+use super::errors::{SettingError, ShapeError, about, exception, non_finite};
+use crate::cloud::{Descriptors, Transform};
 use crate::error::Error;
+use crate::math::Vec3;
 
 /// A table of numbers in row order that nobody else holds: float32 or float64.
 pub(super) enum Table<'py> {
@@ -179,6 +180,24 @@ pub(super) fn descriptors(
         }
     };
     both.map_err(exception)
+}
+
+/// Three numbers.
+pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
+    let refused = |_| SettingError::new_err(format!("{name} = {any}: must be three numbers"));
+    any.extract().map_err(refused)
+}
+
+/// A (4, 4) matrix, of any kind of number.
+pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
+    let refused = |error: PyErr| {
+        let cause = error.value(any.py()).to_string();
+        ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers: {cause}"))
+    };
+    // A registration stands for its pose.
+    let matrix = any.getattr_opt("transform")?.unwrap_or_else(|| any.clone());
+    let matrix = matrix.extract::<[[f64; 4]; 4]>().map_err(refused)?;
+    Transform::from_matrix(matrix).map_err(|error| about(name, error))
 }
 
 /// An array (N, `width`) of `values`, row after row.

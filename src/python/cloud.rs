@@ -1,23 +1,21 @@
-//! `PointCloud`: made once, used for any number of calls; and all that may stand for one.
+//! `PointCloud`: made once, used for any number of calls.
 
-use std::path::PathBuf;
-
-use numpy::prelude::*;
-use numpy::{PyArray1, PyArray2, PyUntypedArray};
-use pyo3::PyTypeInfo;
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::arrays::{Table, as_array, interop, read_only, table};
+use super::arrays::{Table, interop, place, pose, read_only, table};
 use super::detached::detached;
 use super::doorway::released;
-use super::errors::{SettingError, ShapeError, about, count, exception};
-use crate::cloud::{Channels, Parts, PointCloud as Cloud, Transform};
+use super::errors::{count, exception};
+use super::foreign::{self, BadRows};
+use super::rows::Rows;
+use crate::cloud::{Parts, PointCloud as Cloud};
 use crate::error::Error;
 use crate::math::Vec3;
-use crate::{filter, io, search};
+use crate::{filter, search};
 
 /// Points, optionally with unit normals and the place they were seen from.
 ///
@@ -64,6 +62,30 @@ impl From<Cloud> for PyCloud {
     }
 }
 
+impl PyCloud {
+    /// A cloud of what is no `PointCloud`, or of one with other normals; `name` is what errors
+    /// call it.
+    pub(super) fn made<'py>(
+        any: &Bound<'py, PyAny>,
+        name: &str,
+        normals: Option<&Bound<'py, PyAny>>,
+        bad_rows: BadRows,
+    ) -> PyResult<Cloud> {
+        let cloud = foreign::read(any, name, normals, bad_rows)?;
+        let Ok(given) = any.cast::<PyCloud>() else { return Ok(cloud) };
+        // All else that the other one has.
+        let given = &given.get().cloud;
+        let weights = given.weights().map(<[f32]>::to_vec);
+        let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
+        let parts = Parts { weights, channels, viewpoint, ..cloud.parts() };
+        Cloud::from_parts(parts).map_err(exception)
+    }
+
+    pub(super) fn cloud(&self) -> &Cloud {
+        &self.cloud
+    }
+}
+
 #[pymethods]
 impl PyCloud {
     #[new]
@@ -77,40 +99,34 @@ impl PyCloud {
         channels: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let viewpoint = viewpoint.map(|at| place(at, "viewpoint")).transpose()?;
-        let cloud = match AnyCloud::read(points, "points", normals, BadRows::Drop)? {
-            AnyCloud::Made(cloud) => cloud,
-            AnyCloud::Given(given) => {
+        let given = points.cast::<PyCloud>().ok();
+        let cloud = match (given, normals) {
+            (Some(given), None) => {
                 let given = given.get();
                 detached(py, || given.cloud.clone())
             }
+            _ => PyCloud::made(points, "points", normals, BadRows::Drop)?,
+        };
+        // What a `PointCloud` has dropped is no row of it.
+        let rows = match (given, &weights, &channels) {
+            (Some(_), ..) | (_, None, None) => Rows::all(cloud.len()),
+            _ => Rows::of(points, &cloud)?,
         };
         let cloud = match viewpoint {
             Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
             None => cloud,
         };
-        let given = points.cast::<PyCloud>().is_ok();
-        let rows = if given { cloud.len() } else { cloud.len() + cloud.dropped() };
-        let kept = match (weights.is_some() || channels.is_some()) && cloud.dropped() > 0 {
-            true if !given => kept_rows(points, rows)?,
-            _ => (0..cloud.len()).collect(),
-        };
-        let column = |any: &Bound<'_, PyAny>, name: &str| -> PyResult<Vec<f64>> {
-            let all = column_of(any, name, rows)?;
-            Ok(kept.iter().map(|&row| all[row]).collect())
-        };
         let cloud = match weights {
-            Some(weights) => cloud.with_weights(column(weights, "weights")?).map_err(exception)?,
+            Some(weights) => {
+                cloud.with_weights(rows.column(weights, "weights")?).map_err(exception)?
+            }
             None => cloud,
         };
-        let Some(given) = channels else { return Ok(cloud.into()) };
-        let mut channels = Channels::default();
-        for (name, values) in given {
-            let name: String = name.extract()?;
-            let values = column(&values, &format!("channels[{name:?}]"))?;
-            let values = values.into_iter().map(|x| x as f32).collect();
-            channels = channels.with(&name, values).map_err(exception)?;
-        }
-        cloud.with_channels(channels).map(Self::from).map_err(exception)
+        let cloud = match channels {
+            Some(given) => cloud.with_channels(rows.channels(given)?).map_err(exception)?,
+            None => cloud,
+        };
+        Ok(cloud.into())
     }
 
     /// (N,) float32 array of how much each point counts, read-only; None where all count alike.
@@ -318,44 +334,13 @@ impl PyCloud {
         };
         let points = rows(points, "points")?;
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
-        let numbers = |any: &Bound<'_, PyAny>, name: &str| -> PyResult<Vec<f32>> {
-            Ok(column_of(any, name, points.len())?.into_iter().map(|x| x as f32).collect())
-        };
-        let weights = has.0.as_ref().map(|any| numbers(any, "weights")).transpose()?;
-        let mut channels = Channels::default();
-        for (name, values) in &has.1 {
-            let name: String = name.extract()?;
-            channels = channels.with(&name, numbers(&values, &name)?).map_err(exception)?;
-        }
+        let own = Rows::all(points.len());
+        let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
+        let channels = own.channels(&has.1)?;
         let parts =
             Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped };
         detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)
     }
-}
-
-/// Numbers (N,), of any kind, one a row of the points.
-fn column_of(any: &Bound<'_, PyAny>, name: &str, rows: usize) -> PyResult<Vec<f64>> {
-    let column = as_array(any, name)?.call_method1("astype", ("float64",))?;
-    let shape: Vec<usize> = column.getattr("shape")?.extract()?;
-    if shape != [rows] {
-        let found = column.getattr("shape")?;
-        let message = format!("{name}: expected shape ({rows},), one a point, found {found}");
-        return Err(ShapeError::new_err(message));
-    }
-    let column = column.cast::<PyArray1<f64>>()?.try_readonly()?;
-    Ok(column.as_slice().map(<[f64]>::to_vec).or_else(|_| column.to_vec())?)
-}
-
-/// The rows of `points` that a cloud keeps: those that are finite.
-fn kept_rows(points: &Bound<'_, PyAny>, rows: usize) -> PyResult<Vec<usize>> {
-    let py = points.py();
-    let array = match points.get_type().is(PyUntypedArray::type_object(py)) {
-        true => points.clone(),
-        false => interop(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
-    };
-    let finite = py.import("numpy")?.call_method1("isfinite", (array,))?;
-    let finite: Vec<bool> = finite.call_method1("all", (1,))?.call_method0("tolist")?.extract()?;
-    Ok((0..rows).filter(|&row| finite[row]).collect())
 }
 
 /// Three numbers, six digits each.
@@ -373,189 +358,4 @@ fn short(at: Vec3) -> String {
         }
     };
     format!("[{}]", at.map(digits).join(", "))
-}
-
-/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one.
-pub(super) enum AnyCloud<'py> {
-    Given(Bound<'py, PyCloud>),
-    Made(Cloud),
-}
-
-/// What becomes of rows that are not finite.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum BadRows {
-    /// They are left out and counted.
-    Drop,
-    /// The first is an error: what belongs to the others would shift.
-    Refuse,
-}
-
-impl<'py> AnyCloud<'py> {
-    /// `name` is what errors call the cloud; `normals` take the place of its own.
-    pub(super) fn read(
-        any: &Bound<'py, PyAny>,
-        name: &str,
-        normals: Option<&Bound<'py, PyAny>>,
-        bad_rows: BadRows,
-    ) -> PyResult<Self> {
-        let py = any.py();
-        if let (Ok(given), None) = (any.cast::<PyCloud>(), normals) {
-            return Ok(AnyCloud::Given(given.clone()));
-        }
-        let (points, own): (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>) =
-            match any.get_type().is(PyUntypedArray::type_object(py)) {
-                true => (any.clone(), None),
-                false => interop(py)?.call_method1("parts", (any, name))?.extract()?,
-            };
-        let points = Table::read(&points, name, Some(3))?;
-        if bad_rows == BadRows::Refuse {
-            points.check_finite(py, name)?;
-        }
-        let Some(normals) = normals.or(own.as_ref()) else {
-            let cloud = match &points {
-                Table::F32(table) => {
-                    let rows = table.as_slice()?.as_chunks().0;
-                    detached(py, || Cloud::from_f32(rows))
-                }
-                Table::F64(table) => {
-                    let rows = table.as_slice()?.as_chunks().0;
-                    detached(py, || Cloud::new(rows))
-                }
-            };
-            let cloud = cloud.map_err(|error| about(name, error))?;
-            return colored(cloud, any).map(AnyCloud::Made);
-        };
-        let normals = Table::read(&as_array(normals, "normals")?, "normals", Some(3))?;
-        if bad_rows == BadRows::Refuse {
-            normals.check_finite(py, "normals")?;
-        }
-        let (points, normals) = (points.values(py)?, normals.values(py)?);
-        let (points, normals) = (points.as_chunks().0, normals.as_chunks().0);
-        if points.len() != normals.len() {
-            let (expected, found) = (points.len(), normals.len());
-            return Err(ShapeError::new_err(format!(
-                "normals: expected {expected} rows, as {name} has, found {found}"
-            )));
-        }
-        let cloud = detached(py, || Cloud::with_normals(points, normals));
-        let cloud = cloud.map_err(|error| about(name, error))?;
-        let Ok(given) = any.cast::<PyCloud>() else {
-            return colored(cloud, any).map(AnyCloud::Made);
-        };
-        let given = &given.get().cloud;
-        let weights = given.weights().map(<[f32]>::to_vec);
-        let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
-        let parts = Parts { weights, channels, viewpoint, ..cloud.parts() };
-        Cloud::from_parts(parts).map(AnyCloud::Made).map_err(exception)
-    }
-
-    /// A cloud whose points are named by their rows in what was handed over.
-    pub(super) fn by_rows(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
-        let cloud = Self::read(any, name, None, BadRows::Refuse)?;
-        match cloud.get().dropped() {
-            0 => Ok(cloud),
-            dropped => Err(ShapeError::new_err(format!(
-                "{name}: this PointCloud has left out {dropped} rows, so that the rows after \
-                 them have moved up: give the array, or for rows of its points \
-                 PointCloud({name}.points)"
-            ))),
-        }
-    }
-
-    /// The cloud.
-    pub(super) fn get(&self) -> &Cloud {
-        match self {
-            AnyCloud::Given(given) => &given.get().cloud,
-            AnyCloud::Made(cloud) => cloud,
-        }
-    }
-}
-
-/// The cloud with the colours of what it was made from, where that has any.
-fn colored(cloud: Cloud, any: &Bound<'_, PyAny>) -> PyResult<Cloud> {
-    let py = any.py();
-    if any.get_type().is(PyUntypedArray::type_object(py)) {
-        return Ok(cloud);
-    }
-    let colors = interop(py)?.call_method1("colors", (any,))?;
-    if colors.is_none() {
-        return Ok(cloud);
-    }
-    let kept = kept_rows(any, cloud.len() + cloud.dropped())?;
-    let mut channels = Channels::default();
-    for (axis, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        let column = colors.get_item((py.Ellipsis(), axis))?;
-        let all = column_of(&column, "colors", cloud.len() + cloud.dropped())?;
-        let values = kept.iter().map(|&row| all[row] as f32).collect();
-        channels = channels.with(name, values).map_err(exception)?;
-    }
-    cloud.with_channels(channels).map_err(exception)
-}
-
-/// Three numbers.
-pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
-    let refused = |_| SettingError::new_err(format!("{name} = {any}: must be three numbers"));
-    any.extract().map_err(refused)
-}
-
-/// A (4, 4) matrix, of any kind of number.
-pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
-    let refused = |error: PyErr| {
-        let cause = error.value(any.py()).to_string();
-        ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers: {cause}"))
-    };
-    // A registration stands for its pose.
-    let matrix = any.getattr_opt("transform")?.unwrap_or_else(|| any.clone());
-    let matrix = matrix.extract::<[[f64; 4]; 4]>().map_err(refused)?;
-    Transform::from_matrix(matrix).map_err(|error| about(name, error))
-}
-
-/// Reads a cloud from a file: PLY, PCD, XYZ, TXT or CSV, told apart by content.
-///
-/// Parameters
-/// ----------
-/// path : str or path
-///
-/// Returns
-/// -------
-/// PointCloud, in the unit and frame of the file, with normals and viewpoint if it has them;
-///     a column `weight` has the weights, others become channels, colours from 0 to 1
-///
-/// Raises
-/// ------
-/// OSError : the file cannot be read (FileNotFoundError and its kin)
-/// FileFormatError : it is not what it claims to be; names the line or byte
-///
-/// Examples
-/// --------
-/// >>> import cfreg, numpy as np, tempfile, os
-/// >>> path = os.path.join(tempfile.mkdtemp(), "corner.ply")
-/// >>> cfreg.write(path, np.eye(3))
-/// >>> cfreg.read(path)
-/// PointCloud(3 points, from [0, 0, 0] to [1, 1, 1])
-#[pyfunction]
-pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
-    released(py, || io::read(path)).map(PyCloud::from)
-}
-
-/// Writes a cloud to a file; the extension says the format: .ply .pcd .xyz .txt .csv.
-///
-/// Coordinates are written as float, or as double where the cloud lies far from zero, so
-/// that read() gets back every one. A file that was there is replaced once all is written.
-///
-/// Parameters
-/// ----------
-/// path : str or path
-/// cloud : whatever PointCloud takes; rows that are not finite are left out, normals written
-///     where there are any. Only .pcd keeps a viewpoint
-///
-/// Raises
-/// ------
-/// SettingError : another extension
-/// OSError : the system refuses; a file that was there before is as it was
-#[pyfunction]
-pub(super) fn write(py: Python<'_>, path: PathBuf, cloud: &Bound<'_, PyAny>) -> PyResult<()> {
-    let cloud = AnyCloud::read(cloud, "cloud", None, BadRows::Drop)?;
-    let cloud = cloud.get();
-    released(py, || io::write(path, cloud))
 }

@@ -5,10 +5,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
-use super::arrays::{column_for, interop, table};
-use super::cloud::{AnyCloud, BadRows, place};
+use super::any_cloud::AnyCloud;
+use super::arrays::{column_for, interop, place, table};
 use super::doorway::released;
 use super::errors::{SettingError, about, count, exception};
+use super::foreign::BadRows;
 use crate::cloud::PointCloud;
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};

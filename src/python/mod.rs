@@ -5,22 +5,27 @@
 //! moments and the calls of long work, there the methods, weights and results by their
 //! names in Python, and what is known of other libraries.
 //!
-//! [`arrays`] turns arrays into numbers and back, [`cloud`] whatever stands for a cloud into
-//! one; [`doorway`] is the one way into long work: there the interpreter is released and
-//! signals are looked after; [`detached`] sees to it that what goes on without the interpreter
-//! outlives it in peace; [`errors`] makes exceptions of the crate's errors.
+//! [`arrays`] turns arrays into numbers and back, [`foreign`] arrays and the clouds of other
+//! libraries into clouds, [`any_cloud`] whatever stands for one; [`doorway`] is the one way into
+//! long work: there the interpreter is released and signals are looked after; [`detached`] sees to
+//! it that what goes on without the interpreter outlives it in peace; [`errors`] makes exceptions
+//! of the crate's errors.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
 //! for `help()`; the module's tests compare them with those of the Rust structs.
 
+mod any_cloud;
 mod arrays;
 mod cloud;
 mod detached;
 mod doorway;
 mod errors;
 mod features;
+mod files;
+mod foreign;
 mod moments;
 mod registration;
+mod rows;
 mod weights;
 
 /// The compiled part of cfreg.
@@ -29,7 +34,7 @@ mod _native {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::cloud::{PyCloud, read, write};
+    use super::cloud::PyCloud;
     #[pymodule_export]
     use super::errors::{
         DegenerateError, Error, ExtentError, FileFormatError, NoWeightError, NonFiniteError,
@@ -37,6 +42,8 @@ mod _native {
     };
     #[pymodule_export]
     use super::features::{estimate_normals, fpfh, keypoints};
+    #[pymodule_export]
+    use super::files::{read, write};
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]

@@ -6,11 +6,12 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::arrays::{as_array, column_for, descriptors, read_only, table, table_for};
-use super::cloud::{AnyCloud, BadRows, pose};
+use super::any_cloud::AnyCloud;
+use super::arrays::{as_array, column_for, descriptors, pose, read_only, table, table_for};
 use super::detached::detached;
 use super::doorway::{released, released_on};
 use super::errors::{SettingError, ShapeError, about, count, exception};
+use super::foreign::BadRows;
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{Descriptors, PointCloud};

@@ -8,9 +8,11 @@ use pyo3::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::cloud::{AnyCloud, BadRows, pose};
+use super::any_cloud::AnyCloud;
+use super::arrays::pose;
 use super::doorway::{Pool, released, released_on};
 use super::errors::{SettingError, about, exception};
+use super::foreign::BadRows;
 use super::moments::index_pairs;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{PointCloud, Transform};

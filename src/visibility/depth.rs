@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::Pixel;
+use super::{Pixel, median, note};
 use crate::math::{self, Vec3};
 
 /// How far a sensor saw in each direction.
@@ -23,13 +23,7 @@ impl DepthImage {
         spacing: f64,
     ) -> Option<DepthImage> {
         let rays = points.map(|point| math::sub(point, viewpoint));
-        let mut distances: Vec<f64> = rays.clone().map(math::norm).collect();
-        let middle = distances.len() / 2;
-        if distances.is_empty() {
-            return None;
-        }
-        let (_, &mut median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-        let side = spacing / median;
+        let side = spacing / median(rays.clone().map(math::norm).collect())?;
         // A pixel of more than half a face tells nothing; below 1e-8 its number overflows.
         if !(1e-8..1.0).contains(&side) {
             return None;
@@ -38,8 +32,7 @@ impl DepthImage {
         for ray in rays {
             let depth = math::norm(ray) as f32;
             if depth > 0.0 {
-                let seen = nearest.entry(Pixel::of(ray, side)).or_insert(f32::INFINITY);
-                *seen = depth.min(*seen);
+                note(&mut nearest, Pixel::of(ray, side), depth);
             }
         }
         Some(DepthImage { viewpoint, side, nearest })

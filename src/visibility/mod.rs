@@ -9,6 +9,8 @@ mod viewpoint;
 pub use depth::DepthImage;
 pub use viewpoint::{Side, Sight, Viewpoints};
 
+use std::collections::HashMap;
+
 use crate::math::Vec3;
 
 /// The pixel of a direction on the six faces of a cube about the viewpoint: unlike longitude
@@ -44,5 +46,22 @@ impl Pixel {
             (-1..=1)
                 .map(move |v| Pixel { at: [shift(self.at[0], u), shift(self.at[1], v)], ..self })
         })
+    }
+}
+
+/// The median of `distances` from a viewpoint, at which pixels are measured; `None` of none.
+fn median(mut distances: Vec<f64>) -> Option<f64> {
+    if distances.is_empty() {
+        return None;
+    }
+    let middle = distances.len() / 2;
+    Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Notes that something is at `distance` in `pixel`, of which the nearest is kept.
+fn note<D: Copy + PartialOrd>(nearest: &mut HashMap<Pixel, D>, pixel: Pixel, distance: D) {
+    let seen = nearest.entry(pixel).or_insert(distance);
+    if distance < *seen {
+        *seen = distance;
     }
 }

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::Pixel;
+use super::{Pixel, median, note};
 use crate::math::{self, Vec3};
 use crate::par;
 
@@ -63,14 +63,12 @@ impl Sight<'_> {
         nearest.clear();
         let n = self.points.len();
         let ray = |point: &[f32; 3]| math::sub(point.map(f64::from), viewpoint);
-        let mut distances: Vec<f64> = self.points.iter().map(|p| math::norm(ray(p))).collect();
-        let all = distances.clone();
-        let (_, &mut median, _) = distances.select_nth_unstable_by(n / 2, f64::total_cmp);
+        let all: Vec<f64> = self.points.iter().map(|p| math::norm(ray(p))).collect();
+        let Some(median) = median(all.clone()) else { return 0.0 };
         let side = (PIXEL * self.spacing / median).clamp(1e-8, 1.0);
         let pixels: Vec<Pixel> = self.points.iter().map(|p| Pixel::of(ray(p), side)).collect();
         for (&pixel, &distance) in pixels.iter().zip(&all) {
-            let seen = nearest.entry(pixel).or_insert(f64::INFINITY);
-            *seen = distance.min(*seen);
+            note(nearest, pixel, distance);
         }
         let (mut hidden, mut grazed, mut close) = (0, 0, 0);
         for i in 0..n {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use cfreg::experiment::benchmark::list;
 use cfreg::math::Vec3;
 use cfreg::{PointCloud, Transform, filter, io};
 use rand::{Rng, SeedableRng};
@@ -21,35 +22,28 @@ pub struct RealPair {
 /// Every `step`-th pair of each data set in `pairs.csv`, both clouds thinned to `points`
 /// drawn at random, the source moved by a random rotation and shift.
 pub fn real_pairs(folder: &Path, step: usize, points: usize) -> Vec<RealPair> {
-    let table = std::fs::read_to_string(folder.join("pairs.csv")).unwrap();
-    let mut lines = table.lines();
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let column = |name: &str| header.iter().position(|&x| x == name).unwrap();
-    let (first, overlap) = (column("t00"), column("overlap"));
+    let listed = list::read(&folder.join("pairs.csv"), folder).unwrap();
     let (mut set, mut within) = (String::new(), 0);
     let mut pairs = Vec::new();
-    for (row, line) in lines.enumerate() {
-        let fields: Vec<&str> = line.split(',').collect();
-        if fields[0] != set {
-            (set, within) = (fields[0].to_string(), 0);
+    for (row, pair) in listed.into_iter().enumerate() {
+        if pair.dataset != set {
+            (set, within) = (pair.dataset, 0);
         }
         within += 1;
         if (within - 1) % step != 0 {
             continue;
         }
-        let entry = |k: usize| fields[first + k].parse().unwrap();
-        let matrix = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| entry(4 * i + j)));
-        let read =
-            |file: &str, seed| filter::sample(&io::read(folder.join(file)).unwrap(), points, seed);
+        let read = |file: &Path, seed| filter::sample(&io::read(file).unwrap(), points, seed);
         let (source, target) =
-            (read(fields[1], 2 * row as u64), read(fields[2], 2 * row as u64 + 1));
+            (read(&pair.source, 2 * row as u64), read(&pair.target, 2 * row as u64 + 1));
         let motion = random_motion(row as u64, source.diagonal());
+        let name = |file: &Path| file.strip_prefix(folder).unwrap().display().to_string();
         pairs.push(RealPair {
-            name: format!("{} -> {}", fields[1], fields[2]),
+            name: format!("{} -> {}", name(&pair.source), name(&pair.target)),
             source: source.transformed(&motion).unwrap(),
             target,
-            truth: Transform::from_matrix(matrix).unwrap().after(&motion.inverse()),
-            overlap: fields[overlap].parse().unwrap(),
+            truth: pair.truth.unwrap().after(&motion.inverse()),
+            overlap: pair.overlap.unwrap(),
         });
     }
     pairs

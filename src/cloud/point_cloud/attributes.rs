@@ -28,15 +28,8 @@ impl PointCloud {
     /// [`with_weights`](Self::with_weights).
     pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
         let Attributes { normals, weights, channels } = attributes;
-        let number = |what: &str, found: usize| match found == points.len() {
-            true => Ok(()),
-            false => {
-                let what = format!("{what} for the points of a cloud");
-                Err(Error::Shape { what, expected: points.len(), found })
-            }
-        };
-        normals.map_or(Ok(()), |normals| number("normals", normals.len()))?;
-        weights.map_or(Ok(()), |weights| number("weights", weights.len()))?;
+        one_a_point("normals", normals.map(<[Vec3]>::len), points.len())?;
+        one_a_point("weights", weights.map(<[f64]>::len), points.len())?;
         channels.map_or(Ok(()), |channels| channels.check(points.len()))?;
         let mut cloud = Self::new(points)?;
         let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
@@ -66,12 +59,9 @@ impl PointCloud {
     /// # Ok::<(), cfreg::Error>(())
     /// ```
     pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self> {
-        if weights.len() != self.len() {
-            let what = "weights for the points of a cloud".into();
-            return Err(Error::Shape { what, expected: self.len(), found: weights.len() });
-        }
+        one_a_point("weights", Some(weights.len()), self.len())?;
         let weights: Vec<f32> = weights.into_iter().map(|weight| weight as f32).collect();
-        check_weights(&weights)?;
+        check_weights(&weights, "weights of the points of a cloud")?;
         if !weights.is_empty() && weights.iter().all(|&weight| weight == 0.0) {
             return Err(Error::config("weights", 0, "one at least must be above 0"));
         }
@@ -128,10 +118,21 @@ impl PointCloud {
     }
 }
 
-/// Refuses what is no weight.
-pub(super) fn check_weights(weights: &[f32]) -> Result<()> {
+/// Refuses another number of `what` than one a point, where there are any.
+pub(super) fn one_a_point(what: &str, found: Option<usize>, points: usize) -> Result<()> {
+    match found {
+        Some(found) if found != points => {
+            let what = format!("{what} for the points of a cloud");
+            Err(Error::Shape { what, expected: points, found })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses what is no weight; `what` is what errors call them all.
+pub(crate) fn check_weights(weights: &[f32], what: &str) -> Result<()> {
     if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
-        return Err(Error::NonFinite { what: "weights of the points of a cloud".into(), index });
+        return Err(Error::NonFinite { what: what.into(), index });
     }
     match weights.iter().find(|&&weight| weight < 0.0) {
         Some(weight) => Err(Error::config("weights", weight, "must be 0 or more")),

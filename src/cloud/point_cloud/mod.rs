@@ -5,6 +5,7 @@ mod origin;
 mod parts;
 
 pub use attributes::Attributes;
+pub(crate) use attributes::check_weights;
 pub use parts::Parts;
 
 use self::origin::{DIGITS, FAR, exponent, local, snapped};

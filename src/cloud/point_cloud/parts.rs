@@ -1,7 +1,7 @@
 //! A cloud taken apart and put together, to be kept elsewhere.
 
 use super::PointCloud;
-use super::attributes::check_weights;
+use super::attributes::{check_weights, one_a_point};
 use crate::cloud::Channels;
 use crate::error::{Error, Result};
 use crate::math::Vec3;
@@ -27,54 +27,36 @@ impl PointCloud {
     /// [`Error::NonFinite`] for a value that no cloud has, [`Error::Shape`] when there is not
     /// one normal, weight or value of a channel a point, [`Error::Config`] for a weight below 0.
     pub fn from_parts(parts: Parts) -> Result<Self> {
+        parts.check()?;
         let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
             parts;
-        let vectors = points.iter().chain(normals.iter().flatten());
-        if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {
-            return Err(Error::NonFinite { what: "the parts of a cloud".into(), index });
-        }
-        let places = [Some(origin), Some(frame_origin), viewpoint];
-        if places.iter().flatten().flatten().any(|x| !x.is_finite()) {
-            return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
-        }
-        channels.check(points.len())?;
-        let numbers = [
-            ("normals", normals.as_ref().map(Vec::len)),
-            ("weights", weights.as_ref().map(Vec::len)),
-        ];
-        for (name, found) in numbers {
-            if let Some(found) = found.filter(|&found| found != points.len()) {
-                let what = format!("{name} for the points of a cloud");
-                return Err(Error::Shape { what, expected: points.len(), found });
-            }
-        }
-        weights.as_deref().map_or(Ok(()), check_weights)?;
-        let cloud = PointCloud {
-            points,
-            origin,
-            frame_origin,
-            normals,
-            weights,
-            channels,
-            viewpoint,
-            dropped,
-        };
-        Ok(cloud)
+        Ok(Self { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped })
     }
 
     /// All that the cloud consists of, to be kept elsewhere.
     pub fn parts(&self) -> Parts {
-        let PointCloud {
-            points,
-            origin,
-            frame_origin,
-            normals,
-            weights,
-            channels,
-            viewpoint,
-            dropped,
-        } = self.clone();
+        let Self { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
+            self.clone();
         Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped }
+    }
+}
+
+impl Parts {
+    /// Refuses what no cloud consists of.
+    fn check(&self) -> Result<()> {
+        let vectors = self.points.iter().chain(self.normals.iter().flatten());
+        if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+            return Err(Error::NonFinite { what: "the parts of a cloud".into(), index });
+        }
+        let places = [Some(self.origin), Some(self.frame_origin), self.viewpoint];
+        if places.iter().flatten().flatten().any(|x| !x.is_finite()) {
+            return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
+        }
+        self.channels.check(self.points.len())?;
+        one_a_point("normals", self.normals.as_ref().map(Vec::len), self.points.len())?;
+        let Some(weights) = &self.weights else { return Ok(()) };
+        one_a_point("weights", Some(weights.len()), self.points.len())?;
+        check_weights(weights, "weights of the points of a cloud")
     }
 }
 

@@ -2,6 +2,7 @@
 //! how well their verdicts know.
 
 pub mod candidates;
+mod clouds;
 mod kept;
 pub mod list;
 mod others;
@@ -9,38 +10,25 @@ pub mod reliability;
 pub mod report;
 pub mod rule;
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+pub use clouds::Viewpoints;
 pub use list::Pair;
 pub use others::judge;
 pub use rule::Rule;
 
+use self::clouds::Clouds;
 use self::kept::Kept;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
-use crate::io;
 use crate::math::{self, Vec3};
 use crate::method::{Chain, Register, Registration};
 use crate::quality::Decision;
-
-/// What is known of where the sensors stood.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Viewpoints {
-    /// What the files say.
-    #[default]
-    File,
-    /// At the zero of each file's frame, where it says nothing.
-    Origin,
-    /// Nothing, whatever the files say.
-    None,
-}
 
 /// How pairs are run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -269,47 +257,13 @@ pub fn anywhere(seed: u64, size: f64) -> Transform {
     Transform { translation, ..Transform::from_rotation_vector(vector) }
 }
 
-/// Clouds that were read, the last few of them.
-#[derive(Default)]
-struct Clouds {
-    held: HashMap<PathBuf, PointCloud>,
-    order: Vec<PathBuf>,
-}
-
-/// Clouds that are held.
-const HELD: usize = 32;
-
-impl Clouds {
-    fn get(&mut self, path: &Path, settings: Settings, seed: u64) -> Result<PointCloud> {
-        if !self.held.contains_key(path) {
-            let cloud = io::read(path)?;
-            if self.order.len() == HELD {
-                self.held.remove(&self.order.remove(0));
-            }
-            self.order.push(path.into());
-            self.held.insert(path.into(), cloud);
-        }
-        let mut cloud = self.held[path].clone();
-        match settings.viewpoints {
-            Viewpoints::File => {}
-            Viewpoints::Origin if cloud.viewpoint().is_some() => {}
-            Viewpoints::Origin => cloud = cloud.with_viewpoint([0.0; 3])?,
-            // From coordinates alone: the frame's origin goes too.
-            Viewpoints::None => cloud = PointCloud::new(&cloud.positions().collect::<Vec<_>>())?,
-        }
-        Ok(match settings.points {
-            0 => cloud,
-            points => crate::filter::sample(&cloud, points, seed),
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
 
     use super::*;
     use crate::experiment::shape::boulder;
+    use crate::io;
 
     fn pairs(folder: &Path) -> Vec<Pair> {
         for (name, seed) in [("a.ply", 1), ("b.ply", 2)] {

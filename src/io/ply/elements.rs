@@ -8,7 +8,9 @@ use ply_rs_bw::ply::{
     ScalarType,
 };
 
-use crate::io::table::{Fault, Kind, Lines, Vertex, check_claim, number, shown, slot};
+use crate::io::columns::{Kind, Vertex, slot};
+use crate::io::fault::{Fault, check_claim, shown};
+use crate::io::lines::{Lines, number};
 
 /// What is kept of an element.
 pub(super) trait Row: PropertyAccess {

@@ -16,9 +16,11 @@ use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header};
 
 use self::elements::Body;
-use super::table::{
-    Columns, Fault, Kind, Lines, Table, Vertex, extra_names, is_single, shown, write_binary,
-};
+use super::columns::{Columns, Kind, Vertex};
+use super::fault::{Fault, shown};
+use super::fields::{extra_names, is_single, write_binary};
+use super::lines::Lines;
+use super::table::Table;
 use crate::cloud::PointCloud;
 
 /// The longest header that is read, bytes.

@@ -3,7 +3,7 @@
 use ply_rs_bw::ply::ElementDef;
 
 use super::elements::{Body, Face};
-use crate::io::table::Fault;
+use crate::io::fault::Fault;
 
 /// The triangles of all faces: one of more than three corners is a fan about its first, one
 /// of fewer is none.

@@ -1,6 +1,8 @@
 //! A cloud as this method sees it: thinned, with normals, described once it is known from
 //! where it was seen.
 
+use std::sync::OnceLock;
+
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
@@ -32,6 +34,17 @@ pub(super) struct Scan<'a> {
     /// Of either sign.
     normals: Vec<[f32; 3]>,
     length: f64,
+    glance: OnceLock<Glance>,
+}
+
+/// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
+struct Glance {
+    points: Vec<[f32; 3]>,
+    /// Of either sign.
+    normals: Vec<[f32; 3]>,
+    /// From each point to the mean of its neighbours.
+    toward: Vec<Vec3>,
+    spacing: f64,
 }
 
 /// From where a scan is taken to be seen.
@@ -81,7 +94,8 @@ impl<'a> Scan<'a> {
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
-        Ok(Scan { whole, thin, weights, neighbors, normals, length })
+        let glance = OnceLock::new();
+        Ok(Scan { whole, thin, weights, neighbors, normals, length, glance })
     }
 
     pub(super) fn whole(&self) -> &PointCloud {
@@ -99,40 +113,25 @@ impl<'a> Scan<'a> {
             return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
         }
         let origin = self.whole.frame_origin();
-        let against =
-            self.sighted(|sight, _| sight.implausible(math::sub(origin, self.thin.origin())))?;
+        let local = math::sub(origin, self.thin.origin());
+        let against = self.glance()?.sight().implausible(local);
         Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
     }
 
     /// The places from which it may have been seen, by its shape alone.
     pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
-        let found = self.sighted(Viewpoints::find)?;
+        let glance = self.glance()?;
+        let found = Viewpoints::find(glance.sight(), &glance.toward);
         Ok([found.outside, found.inside].map(|best| best.map(|(at, _)| View::Guess(at))))
     }
 
-    /// Looks at some of the points, positions about the thinned cloud's origin.
-    fn sighted<T>(&self, look: impl Fn(Sight<'_>, &[Vec3]) -> T) -> Result<T> {
-        let side = filter::voxel_side(&self.thin, SIGHTED)?;
-        let few = match side > self.length {
-            true => filter::voxel_grid(&self.thin, side)?,
-            false => self.thin.clone(),
-        };
-        let find = |k| Neighbors::find(few.points(), Neighborhood::Nearest(k));
-        let normals = normals::estimate(&few, &find(15)?, Orientation::Outward)?.vectors;
-        let around = find(30)?;
-        let shift = math::sub(few.origin(), self.thin.origin());
-        let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
-        let points: Vec<Vec3> = (0..few.len()).map(place).collect();
-        let toward: Vec<Vec3> = (0..few.len())
-            .map(|i| {
-                let near = around.of(i);
-                let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, points[j as usize]));
-                math::sub(math::scaled(sum, 1.0 / near.len() as f64), points[i])
-            })
-            .collect();
-        let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
-        let sight = Sight { points: &points, normals: &normals, spacing: side.max(self.length) };
-        Ok(look(sight, &toward))
+    /// Some of the points, found when they are first asked for.
+    fn glance(&self) -> Result<&Glance> {
+        if let Some(glance) = self.glance.get() {
+            return Ok(glance);
+        }
+        let found = Glance::at(&self.thin, self.length)?;
+        Ok(self.glance.get_or_init(|| found))
     }
 
     /// The scan seen from `view`, described.
@@ -172,6 +171,38 @@ impl<'a> Scan<'a> {
     }
 }
 
+impl Glance {
+    /// Looks at a cloud that is thinned to `length`.
+    fn at(thin: &PointCloud, length: f64) -> Result<Self> {
+        let side = filter::voxel_side(thin, SIGHTED)?;
+        let few = match side > length {
+            true => filter::voxel_grid(thin, side)?,
+            false => thin.clone(),
+        };
+        let find = |k| Neighbors::find(few.points(), Neighborhood::Nearest(k));
+        let normals = normals::estimate(&few, &find(15)?, Orientation::Outward)?.vectors;
+        let around = find(30)?;
+        let shift = math::sub(few.origin(), thin.origin());
+        let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
+        let places: Vec<Vec3> = (0..few.len()).map(place).collect();
+        let toward = (0..few.len()).map(|i| {
+            let near = around.of(i);
+            let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, places[j as usize]));
+            math::sub(math::scaled(sum, 1.0 / near.len() as f64), places[i])
+        });
+        Ok(Glance {
+            toward: toward.collect(),
+            points: places.iter().map(|p| p.map(|x| x as f32)).collect(),
+            normals,
+            spacing: side.max(length),
+        })
+    }
+
+    fn sight(&self) -> Sight<'_> {
+        Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
+    }
+}
+
 /// Squared distance of two descriptors.
 pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
@@ -198,5 +229,29 @@ impl Surface {
     /// One side of a full connection.
     pub(super) fn described(&self) -> Described<'_> {
         Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_means_of_cubes_and_move_no_surface() {
+        let at = |i: usize| {
+            let (x, y) = ((i % 60) as f64, (i / 60) as f64);
+            [x, y, 4.0 * (0.2 * x).sin() + 3.0 * (0.15 * y).cos()]
+        };
+        let cloud = PointCloud::new(&(0..3600).map(at).collect::<Vec<_>>()).unwrap();
+        // As heavy as they lie far to the right: at 29.5 in the mean.
+        let weights = cloud.positions().map(|p| p[0]).collect();
+        let heavy = cloud.clone().with_weights(weights).unwrap();
+        let surface = |cloud| Scan::new(cloud, 3.0, "it").unwrap().surface(View::Outward).unwrap();
+        let (plain, heavy) = (surface(&cloud), surface(&heavy));
+        assert_eq!(plain.points, heavy.points);
+        for i in 0..heavy.len() {
+            let want = (heavy.place(i)[0] + heavy.origin[0]) / 29.5;
+            assert!((heavy.weight(i) - want).abs() < 1e-5 && plain.weight(i) == 1.0);
+        }
     }
 }

@@ -265,5 +265,10 @@ mod tests {
         }
         let want = (sum / 18.0).sqrt();
         assert!((first_sigma(&source, &target, &pose) / want - 1.0).abs() < 1e-6);
+        // A weight is as many points.
+        let heavy = source.clone().with_weights(vec![1.0, 3.0, 2.0]).unwrap();
+        let many = source.select(&[0, 1, 1, 1, 2, 2]);
+        let sigma = |source| first_sigma(source, &target, &pose);
+        assert!((sigma(&heavy) / sigma(&many) - 1.0).abs() < 1e-6);
     }
 }

@@ -133,8 +133,6 @@ const MOST_MATCHES: usize = 1 << 16;
 const ROTATION_DIFFERENCES: usize = 125_000;
 /// Most that a certificate is about: each makes its matrix four rows longer.
 const CERTIFIED_DIFFERENCES: usize = 100;
-/// Most that the scale is voted for by: all pairs of 2000.
-const SCALE_DIFFERENCES: usize = 2_000_000;
 
 impl Teaser {
     /// Checks the ranges.
@@ -233,7 +231,7 @@ impl Teaser {
         // Both points of a difference may be off.
         let difference_bound = 2.0 * bound;
         let scale = match self.estimate_scale {
-            true => times.time("scale", || vote_scale(matches, difference_bound))?,
+            true => times.time("scale", || voting::scale(matches, difference_bound))?,
             false => 1.0,
         };
         let graph = times.time("graph", || {
@@ -252,7 +250,7 @@ impl Teaser {
             let differences = scaled(kept.differences(ROTATION_DIFFERENCES), scale);
             rotation::solve(&differences, difference_bound, self.schedule(), &self.prior)
         })?;
-        let pose = |round: &Round| translated(&kept, &round.rotation, scale, bound);
+        let pose = |round: &Round| voting::translated(&kept, &round.rotation, scale, bound);
         let transform = rounds.last().map_or(Transform::IDENTITY, pose);
         let inliers = inliers::agreeing(&kept, &transform, bound);
         let needed = inliers::needed(matches, scale, difference_bound);
@@ -347,36 +345,6 @@ fn check_number(found: usize, what: &str) -> Result<()> {
 /// Differences with their source side in the target's unit.
 fn scaled(differences: Vec<(Vec3, Vec3)>, scale: f64) -> Vec<(Vec3, Vec3)> {
     differences.into_iter().map(|(a, b)| (math::scaled(a, scale), b)).collect()
-}
-
-/// The scale by adaptive voting over ‖b‖/‖a‖, TEASER's measurements
-/// that neither translation nor rotation changes, with bounds 2β/‖a‖.
-fn vote_scale(matches: &Matches, difference_bound: f64) -> Result<f64> {
-    let ratio = |(a, b): (Vec3, Vec3)| {
-        let length = math::norm(a);
-        (length > 0.0).then(|| (math::norm(b) / length, difference_bound / length))
-    };
-    let ratios: Vec<(f64, f64)> =
-        matches.differences(SCALE_DIFFERENCES).into_iter().filter_map(ratio).collect();
-    match voting::consensus(&ratios).filter(|&scale| scale > 0.0 && scale.is_finite()) {
-        Some(scale) => Ok(scale),
-        None => Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] }),
-    }
-}
-
-/// The pose with this rotation, its translation voted for axis by axis (TEASER's
-/// component-wise translation estimation).
-fn translated(matches: &Matches, rotation: &math::Mat3, scale: f64, bound: f64) -> Transform {
-    let turn = |p: Vec3| math::scaled(math::mat_vec(rotation, p), scale);
-    let axis = |a: usize| {
-        let pairs = matches.source.iter().zip(&matches.target);
-        let rests: Vec<(f64, f64)> = pairs.map(|(&p, q)| (q[a] - turn(p)[a], bound)).collect();
-        voting::consensus(&rests).unwrap_or_default()
-    };
-    // From the matches' origins back to the clouds' frames.
-    let (source_origin, target_origin) = matches.origins();
-    let shift = math::add([0, 1, 2].map(axis), math::sub(target_origin, turn(source_origin)));
-    Transform { rotation: *rotation, translation: shift, scale }
 }
 
 #[cfg(test)]

@@ -1,4 +1,13 @@
-//! Adaptive voting: the truncated least-squares estimate of one number, exactly.
+//! Adaptive voting: the truncated least-squares estimate of one number, exactly; by it the scale,
+//! and the translation axis by axis.
+
+use super::matches::Matches;
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+use crate::math::{self, Mat3, Vec3};
+
+/// Most that the scale is voted for by: all pairs of 2000.
+const SCALE_DIFFERENCES: usize = 2_000_000;
 
 /// The x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds
 /// αᵢ > 0 (TEASER's adaptive voting, with c̄ = 1); `None` without measurements.
@@ -6,7 +15,7 @@
 /// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ:
 /// between two of them the best x is the weighted mean of that set, so that running sums
 /// over the sorted ends find the global optimum in O(n log n).
-pub(super) fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
+fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
     // About one of them, so that squares keep their digits.
     let origin = measurements.first()?.0;
     let mut ends: Vec<(f64, bool, usize)> = Vec::with_capacity(2 * measurements.len());
@@ -38,6 +47,36 @@ pub(super) fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
         }
     }
     Some(origin + best)
+}
+
+/// The scale by adaptive voting over ‖b‖/‖a‖, TEASER's measurements
+/// that neither translation nor rotation changes, with bounds 2β/‖a‖.
+pub(super) fn scale(matches: &Matches, difference_bound: f64) -> Result<f64> {
+    let ratio = |(a, b): (Vec3, Vec3)| {
+        let length = math::norm(a);
+        (length > 0.0).then(|| (math::norm(b) / length, difference_bound / length))
+    };
+    let ratios: Vec<(f64, f64)> =
+        matches.differences(SCALE_DIFFERENCES).into_iter().filter_map(ratio).collect();
+    match consensus(&ratios).filter(|&scale| scale > 0.0 && scale.is_finite()) {
+        Some(scale) => Ok(scale),
+        None => Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] }),
+    }
+}
+
+/// The pose with this rotation, its translation voted for axis by axis (TEASER's
+/// component-wise translation estimation).
+pub(super) fn translated(matches: &Matches, rotation: &Mat3, scale: f64, bound: f64) -> Transform {
+    let turn = |p: Vec3| math::scaled(math::mat_vec(rotation, p), scale);
+    let axis = |a: usize| {
+        let pairs = matches.source.iter().zip(&matches.target);
+        let rests: Vec<(f64, f64)> = pairs.map(|(&p, q)| (q[a] - turn(p)[a], bound)).collect();
+        consensus(&rests).unwrap_or_default()
+    };
+    // From the matches' origins back to the clouds' frames.
+    let (source_origin, target_origin) = matches.origins();
+    let shift = math::add([0, 1, 2].map(axis), math::sub(target_origin, turn(source_origin)));
+    Transform { rotation: *rotation, translation: shift, scale }
 }
 
 #[cfg(test)]

@@ -29,8 +29,9 @@ mod tests;
 
 use std::ops::Range;
 
-use super::connection::{Side, inverted};
+use super::dense::inverted;
 use super::reduce::{MomentSums, RowSums};
+use super::side::Side;
 use super::sums::Moments;
 use super::tile::{Reducer, Scaling, weigh_block};
 use crate::par;

@@ -59,12 +59,21 @@ proptest! {
         let near = Near { vector: center, within_deg: degrees };
         let prior = Prior { rotation: Some(near), ..Prior::default() };
         let found = solve_with(&moments, Solver::Walker, ScaleEstimate::Fixed, &prior).unwrap();
-        let off = math::mat_mul(&found.transform.rotation, &math::transpose(&turn(center)));
-        let angle = Transform::rigid(off, [0.0; 3]).angle().to_degrees();
-        prop_assert!(angle <= degrees + 1e-6, "{angle} {degrees}");
-        let step = math::scaled(math::normalized(other), share * degrees.to_radians());
-        let allowed = math::mat_mul(&turn(step), &turn(center));
-        prop_assert!(moments.residual(&found.transform) <= residual(&moments, allowed) + 1e-9);
+        let rotation = found.transform.rotation;
+        let angle = |rotation: &Mat3| {
+            let off = math::mat_mul(rotation, &math::transpose(&turn(center)));
+            Transform::rigid(off, [0.0; 3]).angle().to_degrees()
+        };
+        prop_assert!(angle(&rotation) <= degrees + 1e-6, "{} {degrees}", angle(&rotation));
+        let moved = |by: f64, from: &Mat3| {
+            math::mat_mul(&turn(math::scaled(math::normalized(other), by)), from)
+        };
+        // Any that is allowed, and those beside the answer: few of all are as good as these.
+        let allowed = moved(share * degrees.to_radians(), &turn(center));
+        let beside = [-0.02, -0.002, 0.002, 0.02].map(|by| moved(by, &rotation));
+        for other in beside.into_iter().filter(|other| angle(other) <= degrees).chain([allowed]) {
+            prop_assert!(moments.residual(&found.transform) <= residual(&moments, other) + 1e-9);
+        }
     }
 
     #[test]

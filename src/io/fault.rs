@@ -1,0 +1,76 @@
+//! What can be wrong with a file's content.
+
+use std::path::Path;
+
+use crate::error::Error;
+
+/// What is wrong with a file's content, and where; the path is added at the door.
+#[derive(Debug)]
+pub(super) struct Fault {
+    line: Option<usize>,
+    byte: Option<u64>,
+    what: String,
+}
+
+impl Fault {
+    /// A fault of the file as a whole.
+    pub fn new(what: impl Into<String>) -> Self {
+        Fault { line: None, byte: None, what: what.into() }
+    }
+
+    /// A fault in `line`, from 1.
+    pub fn line(line: usize, what: impl Into<String>) -> Self {
+        Fault { line: Some(line), ..Fault::new(what) }
+    }
+
+    /// A fault at `byte`, from 0.
+    pub fn byte(byte: usize, what: impl Into<String>) -> Self {
+        Fault { byte: Some(byte as u64), ..Fault::new(what) }
+    }
+
+    /// The fault as an error about the file `path`.
+    pub fn within(self, path: &Path) -> Error {
+        let Fault { line, byte, what } = self;
+        Error::Parse { path: path.to_path_buf(), line, byte, what }
+    }
+}
+
+/// The start of `text`, quoted and escaped for a message.
+pub(super) fn shown(text: &str) -> String {
+    const LONGEST: usize = 40;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{:?}...", &text[..end]),
+        None => format!("{text:?}"),
+    }
+}
+
+/// Checks what a header says against the bytes that are there, before anything is
+/// allocated: `count` rows, each of at least `smallest` bytes, in `left` bytes.
+pub(super) fn check_claim(
+    what: &str,
+    count: u64,
+    smallest: u64,
+    left: usize,
+) -> Result<usize, String> {
+    let needed = u128::from(count) * u128::from(smallest);
+    match usize::try_from(count) {
+        Ok(count) if needed <= left as u128 => Ok(count),
+        _ => Err(format!(
+            "the header claims {count} {what} of at least {smallest} bytes each, but {left} bytes \
+             are left, enough for {}",
+            left as u64 / smallest.max(1)
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn claims_are_weighed_without_overflow() {
+        assert_eq!(check_claim("points", 3, 12, 36), Ok(3));
+        assert!(check_claim("points", 4, 12, 47).unwrap_err().contains("enough for 3"));
+        assert!(check_claim("points", u64::MAX, u64::MAX, 1).is_err());
+    }
+}

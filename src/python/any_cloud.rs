@@ -1,0 +1,50 @@
+//! Whatever stands for a cloud where one is asked for.
+
+use pyo3::prelude::*;
+
+use super::cloud::PyCloud;
+use super::errors::ShapeError;
+use super::foreign::BadRows;
+use crate::cloud::PointCloud;
+
+/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one.
+pub(super) enum AnyCloud<'py> {
+    Given(Bound<'py, PyCloud>),
+    Made(PointCloud),
+}
+
+impl<'py> AnyCloud<'py> {
+    /// `name` is what errors call the cloud; `normals` take the place of its own.
+    pub(super) fn read(
+        any: &Bound<'py, PyAny>,
+        name: &str,
+        normals: Option<&Bound<'py, PyAny>>,
+        bad_rows: BadRows,
+    ) -> PyResult<Self> {
+        match (any.cast::<PyCloud>(), normals) {
+            (Ok(given), None) => Ok(AnyCloud::Given(given.clone())),
+            _ => PyCloud::made(any, name, normals, bad_rows).map(AnyCloud::Made),
+        }
+    }
+
+    /// A cloud whose points are named by their rows in what was handed over.
+    pub(super) fn by_rows(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+        let cloud = Self::read(any, name, None, BadRows::Refuse)?;
+        match cloud.get().dropped() {
+            0 => Ok(cloud),
+            dropped => Err(ShapeError::new_err(format!(
+                "{name}: this PointCloud has left out {dropped} rows, so that the rows after \
+                 them have moved up: give the array, or for rows of its points \
+                 PointCloud({name}.points)"
+            ))),
+        }
+    }
+
+    /// The cloud.
+    pub(super) fn get(&self) -> &PointCloud {
+        match self {
+            AnyCloud::Given(given) => given.get().cloud(),
+            AnyCloud::Made(cloud) => cloud,
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! What belongs to the rows of points that were handed over: a column of numbers for each.
+
+use numpy::prelude::*;
+use numpy::{PyArray1, PyUntypedArray};
+use pyo3::PyTypeInfo;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::{as_array, interop};
+use super::errors::{ShapeError, exception};
+use crate::cloud::{Channels, PointCloud};
+
+/// The rows of points that were handed over, and which of them a cloud keeps.
+pub(super) struct Rows {
+    number: usize,
+    /// `None` where all are kept.
+    kept: Option<Vec<usize>>,
+}
+
+impl Rows {
+    /// `number` rows, all of them kept.
+    pub(super) fn all(number: usize) -> Self {
+        Rows { number, kept: None }
+    }
+
+    /// The rows of `points`, of which `cloud` was made.
+    pub(super) fn of(points: &Bound<'_, PyAny>, cloud: &PointCloud) -> PyResult<Self> {
+        let number = cloud.len() + cloud.dropped();
+        if cloud.dropped() == 0 {
+            return Ok(Rows::all(number));
+        }
+        let py = points.py();
+        let array = match points.get_type().is(PyUntypedArray::type_object(py)) {
+            true => points.clone(),
+            false => interop(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
+        };
+        let finite = py.import("numpy")?.call_method1("isfinite", (array,))?;
+        let finite: Vec<bool> =
+            finite.call_method1("all", (1,))?.call_method0("tolist")?.extract()?;
+        Ok(Rows { number, kept: Some((0..number).filter(|&row| finite[row]).collect()) })
+    }
+
+    /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
+    pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
+        let column = as_array(any, name)?.call_method1("astype", ("float64",))?;
+        let shape: Vec<usize> = column.getattr("shape")?.extract()?;
+        if shape != [self.number] {
+            let (expected, found) = (self.number, column.getattr("shape")?);
+            let message =
+                format!("{name}: expected shape ({expected},), one a point, found {found}");
+            return Err(ShapeError::new_err(message));
+        }
+        let column = column.cast::<PyArray1<f64>>()?.try_readonly()?;
+        let all = column.as_slice().map(<[f64]>::to_vec).or_else(|_| column.to_vec())?;
+        Ok(match &self.kept {
+            Some(kept) => kept.iter().map(|&row| all[row]).collect(),
+            None => all,
+        })
+    }
+
+    /// The same as a channel has them.
+    pub(super) fn channel(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f32>> {
+        Ok(self.column(any, name)?.into_iter().map(|x| x as f32).collect())
+    }
+
+    /// The channels {name: numbers (N,)}.
+    pub(super) fn channels(&self, given: &Bound<'_, PyDict>) -> PyResult<Channels> {
+        let mut channels = Channels::default();
+        for (name, values) in given {
+            let name: String = name.extract()?;
+            let values = self.channel(&values, &format!("channels[{name:?}]"))?;
+            channels = channels.with(&name, values).map_err(exception)?;
+        }
+        Ok(channels)
+    }
+}
