@@ -1,19 +1,21 @@
 """Fits the verdict of `consensus` on what `cfreg benchmark --candidates` wrote, and prints the
-constants beside those of the source (`Evidence::log_odds`), as tables in Markdown.
+constants beside those of the source (`Evidence::log_odds`, `Standing::log_odds`), as tables in
+Markdown.
 
     python fit_verdict.py CANDIDATES.csv...             # the constants
     python fit_verdict.py --held-out CANDIDATES.csv...  # and what they are worth elsewhere
 
 Two logistic regressions on settled poses, with the sensors' places known (`contradicted` is there)
 and without, each data set's right and wrong ones with the same weight in all; streets do not take
-part, nor, in the first, scans whose sensor was not at the zero of the file. Then one slope and one
-offset for both, so that their order stays, on the answers alone, each with weight 1. A pose that
-several tables have counts once; an answer is one of its table.
+part, nor, in the first, scans whose sensor was not at the zero of the file. They rank the poses of a
+pair. Then one more for both, on the answers alone, each with weight 1: their log odds, how many settled
+poses are the answer, how well it is held. A pose that several tables have counts once; an answer is
+one of its table.
 
 Held out: place by place, all pairs that show it are left out, the others are fitted, and the
 answers to those left out are judged. All scans of a kitchen are one place, whichever set they come from.
 Answers stay those that the source's constants chose, and another answer that is about as good
-(`ambiguous`) is not looked at: accepted is a probability of 0.5 or more.
+(`ambiguous`) is not looked at: accepted is a probability of 0.7 or more.
 """
 
 import argparse
@@ -27,14 +29,15 @@ import numpy as np
 from scipy.optimize import minimize
 
 TERMS = ["1", "ln(overlap + 0.01)", "ln(max(likeness + 0.1, 0.01))", "ln(1 + support)", "sqrt(contradicted)"]
-SOURCE = Path(__file__).resolve().parent.parent / "src/method/consensus/evidence.rs"
+STANDING = ["1", "log odds", "ln(1 + votes)", "ln(spread)"]
+SOURCE = Path(__file__).resolve().parent.parent / "src/method/consensus"
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
 ELSEWHERE = {"stanford_bunny", "stanford_dragon_stand", "stanford_armadillo_simulated"}
 """Where the zero of the files is not where the sensor stood, whatever the benchmark was told."""
 STREETS = {"kitti00", "tls_3dtk", "lidar_small_gicp"}
 """Where many settled poses that count as wrong have the evidence of right ones."""
 NONE = np.zeros(len(TERMS))
-ACCEPT = 0.5
+ACCEPT = 0.7
 
 
 @dataclass
@@ -43,6 +46,8 @@ class Poses:
 
     terms: np.ndarray
     """0 for the last where it is not known."""
+    standing: np.ndarray
+    """Of answers: what stands beside the log odds, `STANDING[2:]`; else 0."""
     known: np.ndarray
     """Whether the sensors' places are."""
     right: np.ndarray
@@ -54,6 +59,7 @@ class Poses:
     def of(cls, rows):
         return cls(
             np.array([terms(row) for row in rows]),
+            np.array([standing(row) for row in rows]),
             np.array([row["contradicted"] != "" for row in rows]),
             np.array([row["right"] == "true" for row in rows]),
             np.array([row["dataset"] for row in rows]),
@@ -99,6 +105,13 @@ def terms(row):
     ]
 
 
+def standing(row):
+    """What an answer has beside its evidence."""
+    if row["answer"] != "true":
+        return [0.0, 0.0]
+    return [np.log1p(float(row["votes"])), np.log(float(row["spread"]))]
+
+
 def logistic(terms, right, weights):
     """Constants of the greatest weighted likelihood, held from infinity by a weak prior."""
     sign = np.where(right, 1.0, -1.0)
@@ -120,26 +133,39 @@ def balanced(sets, right):
     return np.array([1 / count[group] for group in groups])
 
 
+@dataclass
+class Judge:
+    """What tells the probability of an answer."""
+
+    evidence: dict
+    """Constants of the `TERMS`, by whether the sensors' places are known."""
+    answer: np.ndarray
+    """Constants of `STANDING`."""
+
+    def told(self, answers):
+        """The probabilities of being right."""
+        odds = with_standing(answers, self.evidence) @ self.answer
+        return 1 / (1 + np.exp(-np.clip(odds, -30, 30)))
+
+
+def with_standing(answers, evidence):
+    """(N, 4) values of `STANDING`."""
+    return np.column_stack([np.ones(len(answers.right)), answers.odds(evidence), answers.standing])
+
+
 def fit(poses, answers):
-    """Calibrated constants for either kind, and the calibration's slope and offset."""
+    """A judge whose constants are all fitted."""
     raw = {}
     for kind in (True, False):
         of = poses.of_kind(kind)
         raw[kind] = logistic(of.terms, of.right, balanced(of.sets, of.right)) if len(of.right) else NONE
-    return calibrated(raw, answers)
+    return standing_fitted(raw, answers)
 
 
-def calibrated(constants, answers):
-    """The constants after one slope and offset of their log odds, and those two."""
-    odds = np.column_stack([np.ones(len(answers.right)), answers.odds(constants)])
-    offset, slope = logistic(odds, answers.right, np.ones(len(odds)))
-    first = np.eye(len(TERMS))[0]
-    return {kind: slope * of + offset * first for kind, of in constants.items()}, slope, offset
-
-
-def told(constants, poses):
-    """The probabilities of being right."""
-    return 1 / (1 + np.exp(-np.clip(poses.odds(constants), -30, 30)))
+def standing_fitted(evidence, answers):
+    """A judge by these constants of the evidence, the others fitted."""
+    weights = np.ones(len(answers.right))
+    return Judge(evidence, logistic(with_standing(answers, evidence), answers.right, weights))
 
 
 def calibration_error(probability, right):
@@ -166,11 +192,13 @@ def cells(probability, answers):
 
 
 def of_source():
-    """Constants of `Evidence::log_odds`, by whether the sensors' places are known."""
-    text = SOURCE.read_text()
-    arms = re.search(r"Some\(share\) => (.*?)None => (.*?),\n", text, re.S).groups()
-    found = [[float(n.replace(" ", "")) for n in re.findall(r"[-+]? ?\d+\.\d+", arm)] for arm in arms]
-    return {True: np.array(found[0]), False: np.array(found[1] + [0.0])}
+    """The judge of the crate."""
+    numbers = lambda text: np.array([float(n.replace(" ", "")) for n in re.findall(r"[-+]? ?\d+\.\d+", text)])
+    text = (SOURCE / "evidence.rs").read_text()
+    known, unknown = map(numbers, re.search(r"Some\(share\) => (.*?)None => (.*?),\n", text, re.S).groups())
+    text = (SOURCE / "standing.rs").read_text()
+    answer = numbers(re.search(r"spread\.ln\(\)\);\n(.*?)\n", text).group(1))
+    return Judge({True: known, False: np.append(unknown, 0.0)}, answer)
 
 
 def read(paths):
@@ -200,19 +228,21 @@ JUDGED = ["calibration error", "unrelated, accepted", "other wrong, accepted", "
 def fitted(poses, answers, source):
     """Prints the fit on all poses beside the constants of the source."""
     every = joined(answers.values())
-    constants, slope, offset = fit(poses, every)
-    anew, slope_anew, offset_anew = calibrated(source, every)
-    print(f"Slope {slope:.2f}, offset {offset:.2f}; of the source's constants {slope_anew:.2f}, {offset_anew:.2f}.\n")
+    judge = fit(poses, every)
+    anew = standing_fitted(source.evidence, every)
     titles, columns = ["term"], [TERMS]
     for kind, name in [(True, "known"), (False, "unknown")]:
         titles += [f"{name}: fitted on {len(poses.of_kind(kind).right)} poses", "source"]
-        columns += [[f"{value:.2f}" for value in of[kind]] for of in (constants, source)]
+        columns += [[f"{value:.2f}" for value in of.evidence[kind]] for of in (judge, source)]
     table(titles, zip(*columns))
+    print(f"\nOf {len(every.right)} answers:\n")
+    columns = [[f"{value:.2f}" for value in of.answer] for of in (judge, anew, source)]
+    table(["term", "fitted", "by the source's evidence", "source"], zip(STANDING, *columns))
     print("\nAll answers, which all of these have seen:\n")
     rows = [
-        [run, len(of.right), name, *cells(told(by, of), of)]
+        [run, len(of.right), name, *cells(by.told(of), of)]
         for run, of in answers.items()
-        for name, by in [("fitted", constants), ("source, calibrated anew", anew), ("source", source)]
+        for name, by in [("fitted", judge), ("source's evidence, fitted", anew), ("source", source)]
     ]
     table(["table", "answers", "constants", *JUDGED], rows)
 
@@ -223,30 +253,22 @@ def held_out(poses, answers, source):
     judged = {run: [] for run in answers}
     for where in sorted(set(everything.places.flat)):
         others = everything.where(~everything.show(where))
-        constants, *fitted = fit(poses.where(~poses.show(where)), others)
-        anew, *again = calibrated(source, others)
+        judge = fit(poses.where(~poses.show(where)), others)
+        anew = standing_fitted(source.evidence, others)
         for run, of in answers.items():
             left = of.where(of.show(where))
-            if not len(left.right):
-                continue
-            told_by = [told(by, left) for by in (constants, anew, source)]
-            judged[run].append((where, line(fitted), line(again), left, told_by))
+            if len(left.right):
+                judged[run].append((where, left, [by.told(left) for by in (judge, anew, source)]))
     for run, places in judged.items():
-        every = joined([left for *_, left, _ in places])
-        places.append(("all of these", "", "", every, [np.concatenate(of) for of in zip(*(by for *_, by in places))]))
-        print(f"\n`{run}`, place by place left out: fitted on the others / the source's constants calibrated on the")
-        print("others / the source's constants, which have seen it. Pairs of two places are in both rows.\n")
+        every = joined([left for _, left, _ in places])
+        places.append(("all of these", every, [np.concatenate(of) for of in zip(*(by for *_, by in places))]))
+        print(f"\n`{run}`, place by place left out: all fitted on the others / the source's evidence, the rest fitted on")
+        print("the others / the source, which has seen it. Pairs of two places are in both rows.\n")
         rows = []
-        for where, fitted, again, left, told_by in places:
+        for where, left, told_by in places:
             beside = zip(*(cells(by, left) for by in told_by))
-            beside = ["-" if set(of) == {"-"} else " / ".join(of) for of in beside]
-            rows.append([where, len(left.right), fitted, again, *beside])
-        table(["left out", "answers", "slope, offset", "of the source", *JUDGED], rows)
-
-
-def line(calibration):
-    slope, offset = calibration
-    return f"{slope:.2f}, {offset:.2f}"
+            rows.append([where, len(left.right), *("-" if set(of) == {"-"} else " / ".join(of) for of in beside)])
+        table(["left out", "answers", *JUDGED], rows)
 
 
 def main():

@@ -7,9 +7,10 @@ import unittest
 import numpy as np
 
 import fit_verdict
-from fit_verdict import Poses, calibration_error, cells, fit, held_out, of_source, place, told
+from fit_verdict import Judge, Poses, calibration_error, cells, fit, held_out, of_source, place
 
-TRUE = {True: np.array([-2.0, 1.0, 2.0, 0.5, -6.0]), False: np.array([-1.0, 0.5, 1.5, 1.0, 0.0])}
+EVIDENCE = {True: np.array([-2.0, 1.0, 2.0, 0.5, -6.0]), False: np.array([-1.0, 0.5, 1.5, 1.0, 0.0])}
+TRUE = Judge(EVIDENCE, np.array([0.5, 1.0, 0.8, -0.4]))
 
 
 def poses(count, seed=1):
@@ -18,33 +19,40 @@ def poses(count, seed=1):
     known = rng.uniform(size=count) < 0.5
     terms = np.column_stack([np.ones(count), rng.normal(size=(count, 3)), known * rng.uniform(size=count)])
     places = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
-    of = Poses(terms, known, np.zeros(count, bool), places[:, 0], places)
-    of.right = rng.uniform(size=count) < told(TRUE, of)
+    standing = rng.normal(size=(count, 2))
+    of = Poses(terms, standing, known, np.zeros(count, bool), places[:, 0], places)
+    of.right = rng.uniform(size=count) < TRUE.told(of)
     return of
 
 
 class Fit(unittest.TestCase):
     def test_the_constants_come_back(self):
         of = poses(40_000)
-        constants, _, _ = fit(of, of)
-        for kind in TRUE:
+        judge = fit(of, of)
+        slope = judge.answer[1]
+        for kind in EVIDENCE:
             # One offset undoes the balance of both kinds, which is not the same.
-            np.testing.assert_allclose(constants[kind][1:], TRUE[kind][1:], rtol=0.1, atol=0.1)
+            np.testing.assert_allclose(slope * judge.evidence[kind][1:], EVIDENCE[kind][1:], rtol=0.1, atol=0.1)
+        # The offset that is left flattens the others.
+        np.testing.assert_allclose(judge.answer[2:], TRUE.answer[2:], atol=0.1)
 
     def test_the_calibration_undoes_the_balance(self):
         """Weights that make right and wrong as many move the odds; the answers move them back."""
         of = poses(20_000)
         of = of.where(of.known)
-        self.assertLess(np.mean(of.right), 0.3)
-        constants, _, offset = fit(of, of)
-        self.assertLess(offset, -0.5)
-        self.assertLess(calibration_error(told(constants, of), of.right), 0.02)
+        self.assertLess(np.mean(of.right), 0.4)
+        judge = fit(of, of)
+        self.assertLess(judge.answer[0], -0.5)
+        self.assertLess(calibration_error(judge.told(of), of.right), 0.02)
 
     def test_the_source_has_as_many_constants_as_there_are_terms(self):
         source = of_source()
-        self.assertEqual([len(source[known]) for known in (True, False)], [5, 5])
-        self.assertLess(source[True][4], -10)
-        self.assertGreater(source[False][3], 0)
+        self.assertEqual([len(source.evidence[known]) for known in (True, False)], [5, 5])
+        self.assertLess(source.evidence[True][4], -10)
+        self.assertGreater(source.evidence[False][3], 0)
+        self.assertEqual(len(source.answer), 4)
+        self.assertGreater(source.answer[2], 0)
+        self.assertLess(source.answer[3], 0)
 
 
 class Judged(unittest.TestCase):
@@ -56,10 +64,10 @@ class Judged(unittest.TestCase):
     def test_what_is_accepted_and_refused_is_counted(self):
         right = np.array([True, True, False, False, False])
         places = np.array([["a", "a"]] * 3 + [["a", "b"]] * 2)
-        answers = Poses(np.ones((5, 5)), right, right, places[:, 0], places)
-        found = cells(np.array([0.95, 0.45, 0.55, 0.05, 0.65]), answers)
-        # (0.05 + 0.55 + 0.55 + 0.05 + 0.65) / 5
-        self.assertEqual(found, ["0.370", "1/2", "1/1", "1/2"])
+        answers = Poses(np.ones((5, 5)), np.zeros((5, 2)), right, right, places[:, 0], places)
+        found = cells(np.array([0.95, 0.65, 0.75, 0.05, 0.85]), answers)
+        # (0.05 + 0.35 + 0.75 + 0.05 + 0.85) / 5
+        self.assertEqual(found, ["0.410", "1/2", "1/1", "1/2"])
 
     def test_no_place_that_is_judged_was_fitted(self):
         of, seen = poses(400), []

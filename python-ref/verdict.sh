@@ -5,6 +5,7 @@
 # folder of the scans (with pairs.csv). VERDICT_EVERY=10 takes every tenth pair.
 set -euo pipefail
 folder="$(cd "${1:-${CFREG_DATA:?names the folder of the scans}}" && pwd)"
+shift "$#" # what is sourced takes arguments for its own
 cd "$(dirname "$0")"
 source environment.sh
 candidates=()

@@ -54,8 +54,8 @@ pub struct Motion {
 /// With c the [`center`](Self::center), T the pose and p a point, the true pose is
 /// p ↦ exp(ω)(T p − c) + c + τ; the matrix is that of (ω, τ).
 ///
-/// It knows of noise and of errors that go together among neighbours, not of scans that are
-/// warped as a whole: those of depth cameras are off by several times as much.
+/// It knows of noise and of errors that go together among neighbours, not of a scan that is
+/// warped as a whole, which agrees with itself and no other frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PoseCovariance {
     /// Rows of six: rotation vector (radians), then shift (the target's unit).

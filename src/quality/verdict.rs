@@ -6,7 +6,7 @@ use super::PoseCovariance;
 use crate::cloud::Transform;
 
 /// Probability from which on a pose is accepted.
-pub const ACCEPT: f64 = 0.5;
+pub const ACCEPT: f64 = 0.7;
 /// Odds of another pose, relative to those of the answer, from which on the answer is
 /// ambiguous, if the other would be accepted too.
 pub const AMBIGUOUS: f64 = 0.1;

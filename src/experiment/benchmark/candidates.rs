@@ -26,6 +26,11 @@ pub struct Candidate {
     /// Share of the points that stand where the other's sensor looked through; empty where no
     /// sensor's place is known.
     pub contradicted: Option<f64>,
+    /// Settled poses that are this one; of answers alone.
+    pub votes: Option<usize>,
+    /// Standard deviation of the shift, in lengths that clouds are thinned to, from 0.02 to 10;
+    /// of answers alone.
+    pub spread: Option<f64>,
     /// Whether the pose is right; false for clouds with nothing in common.
     pub right: bool,
     /// Whether it is the answer, the last row of its pair.
@@ -65,6 +70,8 @@ pub fn write(
                     likeness: judged.likeness,
                     support: judged.support,
                     contradicted: judged.contradicted,
+                    votes: judged.votes,
+                    spread: judged.spread,
                     right,
                     answer: judged.answer,
                 })

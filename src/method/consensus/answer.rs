@@ -1,10 +1,8 @@
 //! What came out best, with the verdict on it.
 
-use super::evidence::{Evidence, REACH};
 use super::scan::{Scan, Surface};
-use super::settle::covariance;
-use super::{Attempt, OTHER, Search, apart, corners, global};
-use crate::cloud::Transform;
+use super::standing::Standing;
+use super::{OTHER, Search, apart, corners, global};
 use crate::error::Result;
 use crate::method::registration::{Counts, Found, PointCounts, Timings};
 use crate::method::{Method, Registration, StopReason};
@@ -15,11 +13,9 @@ impl Search<'_> {
     pub(super) fn answer(self, mut times: Timings) -> Result<Registration> {
         let best = &self.attempts[self.best];
         let (settled, [from, onto]) = (self.settled, &best.surfaces);
-        let runner_up = runner_up(&self.attempts, &best.surfaces, &settled.pose, self.length);
-        let reach = REACH * self.length;
-        let covariance = times
-            .time("covariance", || covariance([from, onto], &settled.pose, reach, self.length));
-        let verdict = verdict(&self.evidence, runner_up, covariance);
+        let covariance = times.time("covariance", || self.covariance());
+        let standing = self.standing(covariance.as_ref());
+        let verdict = verdict(&standing, self.runner_up(&standing), covariance);
         let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
             dropped: scan.whole().dropped(),
             used: scan.whole().len(),
@@ -48,38 +44,38 @@ impl Search<'_> {
     }
 }
 
-/// The most probable pose that is another than `pose`, of all attempts.
-fn runner_up(
-    attempts: &[Attempt],
-    [from, onto]: &[Surface; 2],
-    pose: &Transform,
-    length: f64,
-) -> Option<RunnerUp> {
-    let corners = corners(from);
-    let others = attempts.iter().flat_map(|attempt| &attempt.candidates);
-    others
-        .filter(|other| apart(&other.pose, pose, &corners) > OTHER * length)
-        .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
-        .map(|other| RunnerUp {
-            transform: global(&other.pose, from, onto),
-            probability: probability(&other.evidence),
-        })
-}
-
-fn probability(evidence: &Evidence) -> f64 {
-    // Nothing is certain: odds stay finite.
-    1.0 / (1.0 + (-evidence.log_odds().clamp(-30.0, 30.0)).exp())
+impl Search<'_> {
+    /// The most probable pose that is another than the answer, of all that was tried; held as
+    /// well as that is.
+    fn runner_up(&self, answer: &Standing) -> Option<RunnerUp> {
+        let [from, onto] = &self.attempts[self.best].surfaces;
+        let corners = corners(from);
+        let others = self.attempts.iter().flat_map(|attempt| &attempt.candidates);
+        others
+            .filter(|other| apart(&other.pose, &self.settled.pose, &corners) > OTHER * self.length)
+            .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
+            .map(|other| {
+                let votes = self.votes(&other.pose);
+                let standing = Standing { evidence: other.evidence, votes, ..*answer };
+                RunnerUp {
+                    transform: global(&other.pose, from, onto),
+                    probability: standing.probability(),
+                }
+            })
+    }
 }
 
 fn verdict(
-    evidence: &Evidence,
+    standing: &Standing,
     runner_up: Option<RunnerUp>,
     covariance: Option<PoseCovariance>,
 ) -> Verdict {
+    let evidence = &standing.evidence;
     let mut reasons = vec![
         format!("{:.0} % of a surface lies on the other and faces alike", 100.0 * evidence.overlap),
         format!("surfaces that lie on each other look alike by {:.2} nats", evidence.likeness),
         format!("{:.1} matches agree", evidence.support),
+        format!("{} of the poses that were settled are this one", standing.votes),
     ];
     if let Some(share) = evidence.contradicted {
         let percent = 100.0 * share;
@@ -88,5 +84,5 @@ fn verdict(
     if let Some(loose) = covariance.as_ref().map(|it| it.undetermined.len()).filter(|&n| n > 0) {
         reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
     }
-    Verdict::new(probability(evidence), evidence.overlap, reasons, runner_up, covariance)
+    Verdict::new(standing.probability(), evidence.overlap, reasons, runner_up, covariance)
 }

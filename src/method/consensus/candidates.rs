@@ -1,6 +1,7 @@
 //! Every pose that was weighed before the answer, with its evidence: what the verdict is fitted on.
 
 use super::evidence::Evidence;
+use super::standing::Standing;
 use super::{Consensus, global};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
@@ -21,14 +22,24 @@ pub struct Judged {
     /// Share of the points, summed over both directions, that stand where the other's sensor
     /// looked through, in [0, 2]; `None` where no sensor's place is known.
     pub contradicted: Option<f64>,
+    /// Settled poses that are this one; for the answer alone.
+    pub votes: Option<usize>,
+    /// Standard deviation of its shift in lengths, within bounds; for the answer alone.
+    pub spread: Option<f64>,
     /// Whether it is the answer, judged after its last settling.
     pub answer: bool,
 }
 
 impl Judged {
-    fn new(transform: Transform, evidence: &Evidence, answer: bool) -> Judged {
+    fn settled(transform: Transform, evidence: &Evidence) -> Judged {
         let Evidence { overlap, likeness, support, contradicted } = *evidence;
-        Judged { transform, overlap, likeness, support, contradicted, answer }
+        let (votes, spread, answer) = (None, None, false);
+        Judged { transform, overlap, likeness, support, contradicted, votes, spread, answer }
+    }
+
+    fn answer(transform: Transform, standing: &Standing) -> Judged {
+        let (votes, spread) = (Some(standing.votes), Some(standing.spread));
+        Judged { votes, spread, answer: true, ..Judged::settled(transform, &standing.evidence) }
     }
 }
 
@@ -45,12 +56,13 @@ impl Consensus {
             for attempt in &search.attempts {
                 let [from, onto] = &attempt.surfaces;
                 judged.extend(attempt.candidates.iter().map(|candidate| {
-                    Judged::new(global(&candidate.pose, from, onto), &candidate.evidence, false)
+                    Judged::settled(global(&candidate.pose, from, onto), &candidate.evidence)
                 }));
             }
             let [from, onto] = &search.attempts[search.best].surfaces;
             let pose = global(&search.settled.pose, from, onto);
-            judged.push(Judged::new(pose, &search.evidence, true));
+            let standing = search.standing(search.covariance().as_ref());
+            judged.push(Judged::answer(pose, &standing));
             Ok(judged)
         })?
     }

@@ -63,14 +63,14 @@ impl Evidence {
         }
     }
 
-    /// The logarithm of the odds that the pose is right.
+    /// The logarithm of the odds that the pose is right, by its evidence alone: what ranks the
+    /// poses of a pair.
     ///
-    /// Logistic in what speaks for a pose, fitted on poses that this method proposed for real
-    /// pairs. On its answers to 924 pairs, 470 of which have nothing in common, the odds need no
-    /// correction (slope 1.04, offset 0.10; 0.94 to 1.31 and -0.12 to 1.22 with any one place
-    /// left out): the probability is off by 0.009 in the mean where the sensors' places are
-    /// known, by 0.014 where they are not. Constants fitted anew are no better at places that
-    /// they have not seen (`python-ref/verdict.sh`).
+    /// Logistic in what speaks for a pose, fitted on poses that this method settled for real
+    /// pairs. Constants fitted anew are no better at places that they have not seen
+    /// (`python-ref/verdict.sh`). What is told of the answer is [`Standing::log_odds`].
+    ///
+    /// [`Standing::log_odds`]: super::standing::Standing::log_odds
     pub(super) fn log_odds(&self) -> f64 {
         let overlap = (self.overlap + 0.01).ln();
         let likeness = (self.likeness + 0.1).max(0.01).ln();

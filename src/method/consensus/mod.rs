@@ -6,6 +6,7 @@ mod evidence;
 mod hypotheses;
 mod scan;
 mod settle;
+mod standing;
 
 use serde::{Deserialize, Serialize};
 
