@@ -72,7 +72,8 @@ pub enum Error {
     /// No connection has any weight, so there is nothing to solve.
     #[error(
         "no connection has any weight: nothing is alike, or near enough under the pose to start \
-         from; raise beta, sigma or max_distance, start nearer, or check the clouds"
+         from; check the clouds (lines, planes and a few points look alike everywhere), raise \
+         beta, sigma or max_distance where the method has them, or start nearer"
     )]
     NoWeight,
 

@@ -99,7 +99,7 @@ impl Register {
 fn advice(registration: &Registration) -> &'static str {
     match &registration.config {
         Method::Consensus(_) => {
-            "--set seeds=1000, another --voxel, or clouds that tell their viewpoint"
+            "--set seeds=1000, another --voxel, or files that tell the sensor's place (VIEWPOINT of PCD)"
         }
         Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::evaluate::Evaluation;
-use super::verdict::{ACCEPT, Decision, Verdict};
+use super::verdict::{ACCEPT, AMBIGUOUS, Decision, Verdict};
 
 /// Agreement beyond chance below which a pose is doubted.
 ///
@@ -109,6 +109,11 @@ pub enum Doubt {
         /// The probability of the other pose.
         other: f64,
     },
+    /// Nothing holds the pose along some motions: the surfaces that lie on each other slide.
+    Undetermined {
+        /// How many, of 6.
+        motions: usize,
+    },
     /// The search for the largest set of consistent matches ended at its limit: there may
     /// be a larger one.
     CliqueNotProved {
@@ -137,17 +142,22 @@ pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -
 }
 
 impl Doubt {
-    /// The ground for doubt that a verdict is, unless it accepts.
-    pub fn of_verdict(verdict: &Verdict) -> Option<Doubt> {
-        match verdict.decision {
-            Decision::Accept => None,
-            Decision::Reject => {
-                Some(Doubt::Improbable { found: verdict.probability, needed: ACCEPT })
+    /// The grounds for doubt that a verdict is, unless it accepts.
+    pub fn of_verdict(verdict: &Verdict) -> Vec<Doubt> {
+        let found = verdict.probability;
+        let mut doubts = match (verdict.decision, verdict.runner_up) {
+            (Decision::Accept, _) => return Vec::new(),
+            (Decision::Reject, _) => vec![Doubt::Improbable { found, needed: ACCEPT }],
+            (Decision::Ambiguous, Some(other)) if other.probability > AMBIGUOUS * found => {
+                vec![Doubt::Ambiguous { other: other.probability }]
             }
-            Decision::Ambiguous => {
-                verdict.runner_up.map(|runner_up| Doubt::Ambiguous { other: runner_up.probability })
-            }
+            (Decision::Ambiguous, _) => Vec::new(),
+        };
+        let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
+        if loose > 0 {
+            doubts.push(Doubt::Undetermined { motions: loose });
         }
+        doubts
     }
 }
 
@@ -201,6 +211,11 @@ impl fmt::Display for Doubt {
                 f,
                 "another pose is about as good (probability {other:.3}): the clouds are symmetric, \
                  or show the same shape more than once"
+            ),
+            Doubt::Undetermined { motions } => write!(
+                f,
+                "nothing holds the pose along {motions} of 6 motions: along those the surfaces \
+                 slide on each other, as planes and spheres do"
             ),
             Doubt::CliqueNotProved { found } => write!(
                 f,

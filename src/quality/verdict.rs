@@ -8,8 +8,8 @@ use crate::cloud::Transform;
 /// Probability from which on a pose is accepted.
 pub const ACCEPT: f64 = 0.7;
 /// Odds of another pose, relative to those of the answer, from which on the answer is
-/// ambiguous, if the other would be accepted too.
-pub const AMBIGUOUS: f64 = 0.1;
+/// ambiguous, if the other would be accepted were it the only one.
+pub const AMBIGUOUS: f64 = 0.03;
 
 /// What to do with a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -17,7 +17,8 @@ pub const AMBIGUOUS: f64 = 0.1;
 pub enum Decision {
     /// Take it.
     Accept,
-    /// It, or another one that is about as good: see [`Verdict::runner_up`].
+    /// It, or another one that is about as good: see [`Verdict::runner_up`], and the
+    /// [`undetermined`](PoseCovariance::undetermined) motions, along which all are.
     Ambiguous,
     /// It is probably wrong; the clouds may show nothing in common.
     Reject,
@@ -28,7 +29,7 @@ pub enum Decision {
 pub struct RunnerUp {
     /// Source into target frame.
     pub transform: Transform,
-    /// Its probability, as if it were the only one.
+    /// The probability that it is the right one.
     pub probability: f64,
 }
 
@@ -37,7 +38,7 @@ pub struct RunnerUp {
 pub struct Verdict {
     /// What to do.
     pub decision: Decision,
-    /// The probability that the pose is right, in [0, 1].
+    /// The probability that the pose is right, in [0, 1]; with that of the runner-up at most 1.
     pub probability: f64,
     /// What speaks for and against it, in words.
     pub reasons: Vec<String>,
@@ -52,46 +53,74 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Decides by the probabilities.
+    /// Decides by the probabilities, that of the pose and of the runner-up each as if it were the
+    /// only one; of both one at most is right, so that they share what the verdict tells.
+    ///
+    /// A pose that is not probable is rejected; one that has a rival, or that nothing holds along
+    /// some motion, is ambiguous.
     pub fn new(
         probability: f64,
         overlap: f64,
         reasons: Vec<String>,
-        runner_up: Option<RunnerUp>,
+        mut runner_up: Option<RunnerUp>,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
         let odds = |probability: f64| probability / (1.0 - probability);
-        let rivals = |other: RunnerUp| {
-            other.probability >= ACCEPT && odds(other.probability) >= AMBIGUOUS * odds(probability)
-        };
+        let own = odds(probability);
+        let (alone, other) =
+            runner_up.map_or((0.0, 0.0), |other| (other.probability, odds(other.probability)));
+        let rivals = alone >= ACCEPT && other >= AMBIGUOUS * own;
+        let slides = covariance.as_ref().is_some_and(|known| !known.undetermined.is_empty());
+        let shared = own / (1.0 + own + other);
         let decision = if probability.is_nan() || probability < ACCEPT {
             Decision::Reject
-        } else if runner_up.is_some_and(rivals) {
+        } else if rivals || slides || shared < ACCEPT {
             Decision::Ambiguous
         } else {
             Decision::Accept
         };
-        Verdict { decision, probability, reasons, overlap, runner_up, covariance }
+        if let Some(runner_up) = &mut runner_up {
+            runner_up.probability = other / (1.0 + own + other);
+        }
+        Verdict { decision, probability: shared, reasons, overlap, runner_up, covariance }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quality::Motion;
 
     #[test]
     fn probabilities_decide() {
-        let decided = |probability, other: Option<f64>| {
+        let told = |probability, other: Option<f64>| {
             let transform = Transform::IDENTITY;
             let other = other.map(|probability| RunnerUp { transform, probability });
-            Verdict::new(probability, 0.5, Vec::new(), other, None).decision
+            Verdict::new(probability, 0.5, Vec::new(), other, None)
         };
+        let decided = |probability, other| told(probability, other).decision;
         assert_eq!(decided(0.99, None), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.01)), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.95)), Decision::Ambiguous);
-        // A hundred times less probable.
+        // Some 500 times less probable.
         assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
         assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
+        // No rival that would be accepted, but both cannot be right.
+        assert_eq!(decided(0.75, Some(0.65)), Decision::Ambiguous);
+        let equal = told(0.998, Some(0.998));
+        let other = equal.runner_up.unwrap().probability;
+        assert!((equal.probability - 0.4995).abs() < 1e-4 && other == equal.probability);
+        assert_eq!(told(0.8, None).probability, 0.8);
+    }
+
+    #[test]
+    fn a_pose_that_slides_is_not_accepted() {
+        let motion = Motion { rotation: [0.0; 3], translation: [1.0, 0.0, 0.0] };
+        let known =
+            |undetermined| PoseCovariance { matrix: [[0.0; 6]; 6], center: [0.0; 3], undetermined };
+        let decided = |known| Verdict::new(0.99, 0.5, Vec::new(), None, Some(known)).decision;
+        assert_eq!(decided(known(Vec::new())), Decision::Accept);
+        assert_eq!(decided(known(vec![motion])), Decision::Ambiguous);
     }
 }

@@ -36,7 +36,7 @@ impl Search<'_> {
             trace: Vec::new(),
             points: PointCounts { source: counts(source, from), target: counts(target, onto) },
             times,
-            doubts: Doubt::of_verdict(&verdict).into_iter().collect(),
+            doubts: Doubt::of_verdict(&verdict),
             config: Method::Consensus(self.config),
         };
         let concluded = Registration::conclude(found, source.whole(), target.whole())?;

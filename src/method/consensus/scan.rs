@@ -88,7 +88,8 @@ impl<'a> Scan<'a> {
             }
         };
         if thin.len() < 3 {
-            let what = format!("{name}, thinned to {length:e}");
+            let length: f64 = format!("{length:.2e}").parse().unwrap_or(length);
+            let what = format!("{name}, thinned to {length:e} as both are (have they one unit?),");
             return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
         }
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;

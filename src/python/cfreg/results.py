@@ -134,7 +134,7 @@ class RunnerUp:
     """Another pose that would do.
 
     transform : (4, 4) float64, as that of a Registration
-    probability : that it is right, as if it were the only one
+    probability : that it is the right one
     """
 
     transform: npt.NDArray[np.float64]
