@@ -118,7 +118,7 @@ fn killed_at_any_moment_it_ends_with_the_same_bytes() {
     let longest = started.elapsed().as_secs_f64();
     let [part, output] = ["rows.parquet.part", "rows.parquet"].map(|name| folder.path().join(name));
     let mut kills = 0;
-    for _ in 0..5 {
+    for _ in 0..10 {
         // Until it is through before it is killed.
         for attempt in 0.. {
             let mut child = command(folder.path(), &format!("{RUN} -o rows.parquet --resume"))
