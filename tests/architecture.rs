@@ -15,6 +15,7 @@ const FLOORS: &[(u8, &[&str])] = &[
     (3, &["filter", "normals", "keypoint", "descriptor", "pose", "visibility"]),
     (4, &["quality"]),
     (5, &["method"]),
+    (6, &["batch"]),
     (7, &["experiment"]),
     (8, &["cli", "python"]),
 ];

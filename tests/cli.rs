@@ -293,6 +293,10 @@ fn the_readmes_commands_run() {
     let readme = include_str!("../README.md");
     let lines: Vec<&str> = readme.lines().filter_map(|line| line.strip_prefix("cfreg ")).collect();
     assert!(lines.len() >= 6, "the README's command lines were not found");
+    // By another line of it, for shells.
+    let pairs = "source,target\npair/source.pcd,pair/target.pcd\npair/target.pcd,pair/source.pcd\n";
+    assert!(readme.contains(&format!("printf '{}' > pairs.csv", pairs.escape_default())));
+    std::fs::write(folder.path().join("pairs.csv"), pairs).unwrap();
     for line in lines {
         let output = cfreg(folder.path(), line);
         assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));

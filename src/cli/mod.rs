@@ -1,8 +1,9 @@
 //! The command line: translates words into calls, decides nothing.
 //!
 //! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
-//! to be trusted, 2 no answer.
+//! to be trusted, 2 no answer, 130 ended by Ctrl-C.
 
+mod batch;
 mod benchmark;
 mod clouds;
 mod evaluate;
@@ -49,6 +50,8 @@ enum Command {
     Accuracy(trials::Accuracy),
     /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
     Benchmark(benchmark::Benchmark),
+    /// Register a list of pairs, one row of results a pair; goes on where it was cut short
+    Batch(batch::Batch),
     /// The paper's experiments: every trial, and its tables beside the printed ones
     Reproduce(reproduce::Reproduce),
 }
@@ -71,6 +74,7 @@ pub fn main(meter: Option<Meter>) -> ExitCode {
         Command::Demo(command) => command.run(),
         Command::Accuracy(command) => command.run(),
         Command::Benchmark(command) => command.run(),
+        Command::Batch(command) => command.run(),
         Command::Reproduce(command) => command.run(meter),
     };
     match outcome {
@@ -81,6 +85,8 @@ pub fn main(meter: Option<Meter>) -> ExitCode {
         Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::SUCCESS
         }
+        // As shells count it: 128 and the number of the signal.
+        Err(Error::Interrupted) => ExitCode::from(130),
         Err(error) => {
             say(&format!("cfreg: {error}\n"));
             ExitCode::from(2)

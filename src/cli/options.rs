@@ -6,13 +6,14 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::say;
+use crate::batch;
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
+use crate::io;
 use crate::method::{Chain, Method};
 use crate::pose::{Near, Prior, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
-use crate::{filter, io};
 
 /// How many points of a file are used.
 #[derive(Args, Clone, serde::Serialize)]
@@ -41,17 +42,12 @@ impl Thinning {
         self.apply(cloud, stream)
     }
 
-    pub(super) fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
-        if let Some(size) = self.voxel {
-            cloud = filter::voxel_grid(&cloud, size)?;
-        }
-        if let Some(count) = self.sample {
-            if count == 0 {
-                return Err(Error::config("sample", 0, "must be at least 1"));
-            }
-            cloud = filter::sample(&cloud, count, self.seed.wrapping_mul(2).wrapping_add(stream));
-        }
-        Ok(cloud)
+    pub(super) fn apply(&self, cloud: PointCloud, stream: u64) -> Result<PointCloud> {
+        self.plain().apply(cloud, stream)
+    }
+
+    pub(super) fn plain(&self) -> batch::Thinning {
+        batch::Thinning { voxel: self.voxel, sample: self.sample, seed: self.seed }
     }
 }
 
@@ -182,6 +178,17 @@ impl MethodOptions {
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
         Ok((options.method()?, Thinning { voxel: None, ..thinning.clone() }))
+    }
+
+    /// The same for pairs that run beside each other: refinements may stand after `+` in
+    /// `--method`, and `--threads` is left to those who run the pairs.
+    pub(super) fn in_bulk(&self) -> MethodOptions {
+        let mut options = self.clone();
+        let mut parts = self.method.split('+').map(String::from);
+        options.method = parts.next().unwrap_or_default();
+        options.refine.splice(0..0, parts);
+        options.threads = None;
+        options
     }
 
     /// What is known of the pose beforehand, if anything was said.

@@ -1,5 +1,7 @@
 //! A method, and refinements that start from its pose.
 
+use serde::Serialize;
+
 use super::{Icp, Method, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -21,7 +23,7 @@ use crate::quality::Doubt;
 /// assert_eq!((refined.method, refined.refined_from.unwrap().method), ("icp", "cf"));
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chain {
     first: Method,
     refinements: Vec<Method>,

@@ -39,6 +39,11 @@ impl Interrupt {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// Whether that was asked for.
+    pub fn is_requested(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
     /// Runs `work` under this interrupt, instead of the one that the caller may be under.
     ///
     /// # Errors
@@ -88,8 +93,7 @@ pub fn checkpoint() {
 
 /// Whether this thread has been asked to end its work: for places that cannot unwind.
 pub fn requested() -> bool {
-    let requested = |interrupt: &Interrupt| interrupt.0.load(Ordering::Relaxed);
-    CURRENT.with_borrow(|current| current.as_ref().is_some_and(requested))
+    CURRENT.with_borrow(|current| current.as_ref().is_some_and(Interrupt::is_requested))
 }
 
 /// Ends all work up to the [`guard`](Interrupt::guard) around it, from within: for weights

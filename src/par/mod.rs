@@ -5,9 +5,11 @@
 //! The loops run on the pool they are called from: [`with_threads`] chooses it. Whoever
 //! runs work under an [`Interrupt`] can end it from another thread.
 
+mod crew;
 mod interrupt;
 mod loops;
 
+pub use crew::crew;
 pub use interrupt::{Interrupt, checkpoint, requested, stop};
 pub use loops::{
     MOST_THREADS, both, check_threads, for_each_row, in_pool, map, map_blocks, on_new_thread,

@@ -1,0 +1,168 @@
+//! The clouds of a list: each read once, and kept as long as there is room.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use serde::Serialize;
+
+use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::{filter, io};
+
+/// How clouds are thinned when they are read.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Thinning {
+    /// Side of the cubes of which one point (the mean) is kept, in the clouds' unit.
+    pub voxel: Option<f64>,
+    /// Points that are kept, drawn at random after that.
+    pub sample: Option<usize>,
+    /// Seed of the draw.
+    pub seed: u64,
+}
+
+impl Thinning {
+    /// Thins a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
+    /// the source, 1 for the target).
+    ///
+    /// # Errors
+    /// Those of [`filter::voxel_grid`]; [`Error::Config`] for a sample of 0.
+    pub fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
+        if let Some(size) = self.voxel {
+            cloud = filter::voxel_grid(&cloud, size)?;
+        }
+        if let Some(count) = self.sample {
+            if count == 0 {
+                return Err(Error::config("sample", 0, "must be at least 1"));
+            }
+            cloud = filter::sample(&cloud, count, self.seed.wrapping_mul(2).wrapping_add(stream));
+        }
+        Ok(cloud)
+    }
+}
+
+/// Clouds that were read, the least recently used given up first.
+pub(super) struct Clouds {
+    thinning: Thinning,
+    budget: usize,
+    held: Mutex<Held>,
+}
+
+#[derive(Default)]
+struct Held {
+    clouds: HashMap<(PathBuf, u64), Slot>,
+    bytes: usize,
+    /// Grows with every use.
+    now: u64,
+}
+
+struct Slot {
+    cloud: Arc<OnceLock<Read>>,
+    bytes: usize,
+    used: u64,
+}
+
+/// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
+type Read = std::result::Result<Arc<PointCloud>, String>;
+
+impl Clouds {
+    /// None are held yet; at most `budget` bytes of those that no pair is using will be.
+    pub(super) fn new(thinning: Thinning, budget: usize) -> Self {
+        Clouds { thinning, budget, held: Mutex::default() }
+    }
+
+    /// The cloud in `path`; a second caller waits while the first reads.
+    pub(super) fn get(&self, path: &Path, stream: u64) -> Read {
+        // Only random draws tell the sides of a pair apart.
+        let stream = if self.thinning.sample.is_some() { stream } else { 0 };
+        let key = (path.to_path_buf(), stream);
+        let cell = {
+            let mut held = self.lock();
+            held.now += 1;
+            let used = held.now;
+            let empty = || Slot { cloud: Arc::default(), bytes: 0, used };
+            let slot = held.clouds.entry(key.clone()).or_insert_with(empty);
+            slot.used = used;
+            slot.cloud.clone()
+        };
+        let mut fresh = false;
+        let read = cell.get_or_init(|| {
+            fresh = true;
+            let cloud = io::read(path).and_then(|cloud| self.thinning.apply(cloud, stream));
+            cloud.map(Arc::new).map_err(|error| error.to_string())
+        });
+        if fresh {
+            self.lock().weigh(&key, bytes(read), self.budget);
+        }
+        read.clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Held> {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Held {
+    /// Counts a cloud that was read, and makes room.
+    fn weigh(&mut self, key: &(PathBuf, u64), bytes: usize, budget: usize) {
+        let Some(slot) = self.clouds.get_mut(key) else { return };
+        slot.bytes = bytes;
+        self.bytes += bytes;
+        while self.bytes > budget {
+            let read = self.clouds.iter().filter(|(_, slot)| slot.bytes > 0);
+            let Some(key) = read.min_by_key(|(_, slot)| slot.used).map(|(key, _)| key.clone())
+            else {
+                return;
+            };
+            self.bytes -= self.clouds.remove(&key).map_or(0, |slot| slot.bytes);
+        }
+    }
+}
+
+/// What a cloud takes, and what is kept around it.
+fn bytes(read: &Read) -> usize {
+    const AROUND: usize = 512;
+    let Ok(cloud) = read else { return AROUND };
+    let triples = 1 + usize::from(cloud.normals().is_some());
+    let single = usize::from(cloud.weights().is_some()) + cloud.channels().names().len();
+    AROUND + cloud.len() * 4 * (3 * triples + single)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_recently_used_goes_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "0 0 0\n1 0 0\n0 1 0\n0 0 1\n").unwrap();
+            path
+        };
+        let [a, b, c] = ["a.xyz", "b.xyz", "c.xyz"].map(file);
+        let one = 512 + 4 * 12;
+        let clouds = Clouds::new(Thinning::default(), 2 * one);
+        let first = clouds.get(&a, 0).unwrap();
+        clouds.get(&b, 0).unwrap();
+        // Held, whatever becomes of the file.
+        std::fs::remove_file(&a).unwrap();
+        assert!(Arc::ptr_eq(&first, &clouds.get(&a, 1).unwrap()));
+        clouds.get(&c, 0).unwrap();
+        assert_eq!(clouds.lock().bytes, 2 * one);
+        assert!(clouds.get(&a, 0).is_ok());
+        std::fs::remove_file(&b).unwrap();
+        assert!(clouds.get(&b, 0).unwrap_err().contains("b.xyz"));
+    }
+
+    #[test]
+    fn without_room_nothing_is_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.xyz");
+        std::fs::write(&path, "0 0 0\n1 0 0\n").unwrap();
+        let sample = Thinning { sample: Some(1), ..Thinning::default() };
+        let clouds = Clouds::new(sample, 0);
+        assert_eq!(clouds.get(&path, 0).unwrap().len(), 1);
+        assert!(clouds.lock().clouds.is_empty() && clouds.lock().bytes == 0);
+    }
+}

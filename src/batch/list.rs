@@ -1,0 +1,203 @@
+//! Lists of pairs.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Pairs of files, in order; a name that comes in many pairs is kept once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct List {
+    folder: PathBuf,
+    names: Vec<String>,
+    pairs: Vec<[u32; 2]>,
+}
+
+impl List {
+    /// Pairs of source and target, files relative to `folder`.
+    pub fn new<S: AsRef<str>>(
+        folder: impl Into<PathBuf>,
+        pairs: impl IntoIterator<Item = [S; 2]>,
+    ) -> List {
+        let mut builder = Builder::default();
+        pairs.into_iter().for_each(|pair| builder.add([pair[0].as_ref(), pair[1].as_ref()]));
+        List { folder: folder.into(), ..builder.list }
+    }
+
+    /// Reads a list: CSV, or Parquet where the name ends in `.parquet`, with the columns
+    /// `source` and `target`; others are not looked at. Files are relative to `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`] without these columns, without a pair, and for a row in
+    /// which one of the two is missing.
+    pub fn read(path: &Path, folder: &Path) -> Result<List> {
+        let kind = fs::metadata(path).map_err(|error| Error::io(path, error))?;
+        if kind.is_dir() {
+            return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
+        }
+        let mut builder = Builder::default();
+        if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("parquet")) {
+            parquet(path, &mut builder)?;
+        } else {
+            csv(path, &mut builder)?;
+        }
+        if builder.list.is_empty() {
+            return Err(wrong(path, None, "no pair: it needs rows below the names of the columns"));
+        }
+        Ok(List { folder: folder.into(), ..builder.list })
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether there is no pair.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// Source and target of a pair, as in the list.
+    ///
+    /// # Panics
+    /// When there is no pair `index`.
+    pub fn pair(&self, index: usize) -> [&str; 2] {
+        self.pairs[index].map(|name| self.names[name as usize].as_str())
+    }
+
+    /// What names are relative to.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// A number that differs between lists of different pairs (FNV-1a, 64 bits).
+    pub(super) fn hash(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut add = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        for index in 0..self.len() {
+            for name in self.pair(index) {
+                name.bytes().for_each(&mut add);
+                // In no UTF-8.
+                add(0xff);
+            }
+        }
+        hash
+    }
+}
+
+/// A list that grows.
+#[derive(Default)]
+struct Builder {
+    list: List,
+    known: HashMap<String, u32>,
+}
+
+impl Builder {
+    fn add(&mut self, pair: [&str; 2]) {
+        let pair = pair.map(|name| {
+            self.known.get(name).copied().unwrap_or_else(|| {
+                let number = self.list.names.len() as u32;
+                self.list.names.push(name.into());
+                self.known.insert(name.into(), number);
+                number
+            })
+        });
+        self.list.pairs.push(pair);
+    }
+}
+
+fn wrong(path: &Path, line: Option<usize>, what: impl Into<String>) -> Error {
+    Error::Parse { path: path.into(), line, byte: None, what: what.into() }
+}
+
+const COLUMNS: [&str; 2] = ["source", "target"];
+
+fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
+    let failed = |error: csv::Error| {
+        let line = error.position().map(|at| at.line() as usize);
+        match error.into_kind() {
+            csv::ErrorKind::Io(error) => Error::io(path, error),
+            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+                wrong(path, line, format!("{len} values where the header has {expected_len}"))
+            }
+            csv::ErrorKind::Utf8 { err, .. } => wrong(path, line, err.to_string()),
+            other => wrong(path, line, format!("{other:?}")),
+        }
+    };
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
+    let header = reader.headers().map_err(failed)?;
+    let at = |name: &str| {
+        let missing = || wrong(path, Some(1), format!("no column {name} in the header"));
+        header.iter().position(|column| column.trim() == name).ok_or_else(missing)
+    };
+    let [source, target] = [at(COLUMNS[0])?, at(COLUMNS[1])?];
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(failed)? {
+        let pair = [source, target].map(|at| record.get(at).unwrap_or("").trim());
+        if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
+            let line = record.position().map(|at| at.line() as usize);
+            return Err(wrong(path, line, format!("{} is empty", COLUMNS[empty])));
+        }
+        builder.add(pair);
+    }
+    Ok(())
+}
+
+#[cfg(feature = "parquet")]
+fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
+    super::parquet::pairs(path, COLUMNS, |number, pair| {
+        let pair = pair.each_ref().map(|name| name.as_deref().unwrap_or("").trim());
+        match pair.iter().position(|name| name.is_empty()) {
+            Some(empty) => {
+                Err(wrong(path, None, format!("row {number}: {} is empty", COLUMNS[empty])))
+            }
+            None => {
+                builder.add(pair);
+                Ok(())
+            }
+        }
+    })
+}
+
+#[cfg(not(feature = "parquet"))]
+fn parquet(path: &Path, _: &mut Builder) -> Result<()> {
+    Err(wrong(path, None, "was built without the feature parquet: give the list as CSV"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<List> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pairs.csv");
+        fs::write(&path, text).unwrap();
+        List::read(&path, folder.path())
+    }
+
+    #[test]
+    fn pairs_are_read_by_the_names_of_columns() {
+        let list = read("id,target, source\n7,b.ply,a.ply\n8,c.ply,b.ply\n").unwrap();
+        assert_eq!(
+            (list.len(), list.pair(0), list.pair(1)),
+            (2, ["a.ply", "b.ply"], ["b.ply", "c.ply"])
+        );
+        assert_eq!(list.names.len(), 3);
+        let same = List::new(list.folder(), [["a.ply", "b.ply"], ["b.ply", "c.ply"]]);
+        assert_eq!(list.hash(), same.hash());
+        let other = List::new("", [["a.plyb.ply", ""], ["b.ply", "c.ply"]]);
+        assert_ne!(list.hash(), other.hash());
+    }
+
+    #[test]
+    fn what_cannot_be_understood_is_named() {
+        let said = |text: &str| read(text).unwrap_err().to_string();
+        assert!(said("source,to\na,b\n").contains("no column target"));
+        assert!(said("").contains("no column source"));
+        assert!(said("source,target\n").contains("no pair"));
+        assert!(said("source,target\na,b\na,\n").contains("line 3: target is empty"));
+        assert!(said("source,target\na,b\na").contains("1 values where the header has 2"));
+    }
+}

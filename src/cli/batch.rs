@@ -1,0 +1,163 @@
+//! `cfreg batch`: a list of pairs, a row of results for each.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::ProgressStyle;
+
+use super::options::{MethodOptions, Thinning};
+use super::{Outcome, outputs, progress, say};
+use crate::batch::{self, List, Start};
+use crate::error::{Error, Result};
+use crate::par::Interrupt;
+
+/// Ends with exit status 0 once every pair has its row, those without an answer too; 130 when
+/// Ctrl-C has ended it, 2 when it could not begin or write.
+#[derive(Args)]
+pub(super) struct Batch {
+    /// Pairs: CSV or Parquet with the columns source and target, files of clouds; others are not
+    /// looked at
+    pairs: PathBuf,
+    /// Rows in the order of the list: .csv, .jsonl or .parquet; until all are there they are in
+    /// RESULTS.part
+    #[arg(short, long, value_name = "RESULTS")]
+    output: PathBuf,
+    /// Folder that the files of the list are relative to [default: that of the list]
+    #[arg(long, value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Go on where an earlier run was cut short
+    #[arg(long, conflicts_with = "overwrite")]
+    resume: bool,
+    /// Start anew, whatever an earlier run has left
+    #[arg(long)]
+    overwrite: bool,
+    /// Clouds kept for later pairs, in bytes or with a unit: 512MB, 4GiB
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
+    memory: usize,
+    /// Give a pair up after so many seconds; which pairs come near the limit depends on the
+    /// machine
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    time_limit: Option<Duration>,
+    /// Add the column seconds, on which no two runs agree
+    #[arg(long)]
+    times: bool,
+    #[command(flatten)]
+    method: MethodOptions,
+    #[command(flatten)]
+    thinning: Thinning,
+}
+
+impl Batch {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        outputs::check(&[&self.pairs], &[("output", Some(&self.output))])?;
+        let (method, thinning) = self.method.in_bulk().with_length(&self.thinning)?;
+        let own = self.pairs.parent().unwrap_or(Path::new(""));
+        let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
+        let mut batch = batch::Batch::new(&method, &method);
+        batch.thinning = thinning.plain();
+        batch.threads = self.method.threads.unwrap_or(0);
+        batch.memory = self.memory;
+        batch.time_limit = self.time_limit;
+        batch.times = self.times;
+        batch.start = match (self.resume, self.overwrite) {
+            (true, _) => Start::Resume,
+            (_, true) => Start::Overwrite,
+            _ => Start::Fresh,
+        };
+        end_by_ctrl_c(batch.interrupt.clone())?;
+        let bar = progress(list.len() as u64, "pairs");
+        let style = "{msg} {wide_bar} {pos}/{len} {per_sec} {eta}";
+        bar.set_style(ProgressStyle::with_template(style).unwrap_or(ProgressStyle::default_bar()));
+        let mut begun = false;
+        let follow = |done: usize, _| {
+            bar.set_position(done as u64);
+            if !begun {
+                // What was there before says nothing of the rate.
+                bar.reset_eta();
+                begun = true;
+            }
+        };
+        let done = batch.run_with(&list, &self.output, follow);
+        bar.finish_and_clear();
+        let output = self.output.display();
+        match done {
+            Ok(done) if done.resumed == done.pairs && done.trusted + done.errors == 0 => {
+                say(&format!("cfreg: {output} is complete: nothing to resume\n"));
+                Ok(Outcome::Trusted)
+            }
+            Ok(done) => {
+                let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
+                say(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
+                Ok(Outcome::Trusted)
+            }
+            Err(Error::Interrupted) => {
+                say(&format!(
+                    "cfreg: ended; {output}.part has the pairs that are done: go on with --resume\n"
+                ));
+                Err(Error::Interrupted)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// The first Ctrl-C (or SIGTERM) ends work at its next step, the second at once.
+fn end_by_ctrl_c(interrupt: Interrupt) -> Result<()> {
+    let end = move || match interrupt.is_requested() {
+        true => std::process::exit(130),
+        false => interrupt.request(),
+    };
+    ctrlc::set_handler(end).map_err(|error| Error::io("signals", std::io::Error::other(error)))
+}
+
+/// Bytes, with a unit or without: `512MB`, `4GiB`.
+fn size(text: &str) -> std::result::Result<usize, String> {
+    const UNITS: [(&str, f64); 9] = [
+        ("KiB", 1024.0),
+        ("MiB", 1048576.0),
+        ("GiB", 1073741824.0),
+        ("TiB", 1099511627776.0),
+        ("kB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("B", 1.0),
+    ];
+    let find = |(name, unit): (&str, f64)| {
+        let split = text.len().checked_sub(name.len())?;
+        let end = text.get(split..).filter(|end| end.eq_ignore_ascii_case(name))?;
+        Some((text.len() - end.len(), unit))
+    };
+    let (end, unit) = UNITS.into_iter().find_map(find).unwrap_or((text.len(), 1.0));
+    match text[..end].trim().parse::<f64>() {
+        Ok(count) if count.is_finite() && count >= 0.0 => Ok((count * unit) as usize),
+        _ => Err("must be a number of bytes, or one with kB, MB, GB, KiB, MiB or GiB".into()),
+    }
+}
+
+/// A time above 0.
+fn seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().filter(|&seconds| seconds > 0.0);
+    seconds
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| "must be a number of seconds above 0".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(size("1024"), Ok(1024));
+        assert_eq!(
+            (size("1.5GB"), size("2 MiB"), size("0")),
+            (Ok(1_500_000_000), Ok(2 << 20), Ok(0))
+        );
+        for wrong in ["", "GB", "-1", "1XB", "nan", "inf"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+        assert!(seconds("0").is_err() && seconds("1e400").is_err() && seconds("0.5").is_ok());
+    }
+}

@@ -1,0 +1,123 @@
+//! Many pieces of work beside each other, each of them on one thread.
+
+use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::time::Duration;
+
+use super::loops::check_threads;
+use crate::error::{Error, Result};
+
+/// Calls `work` with each of `items`, in order, on `threads` threads beside the caller's (0: as
+/// many as there are cores); the parallel loops within a call stay on its thread.
+///
+/// The caller's thread gives `take` each result as it comes, in no fixed order, and `None` at
+/// least every `tick`. After a break no more items are begun; those begun are waited for, and
+/// their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
+///
+/// # Errors
+/// [`Error::Config`] for more than [`MOST_THREADS`](super::MOST_THREADS), or when the system does
+/// not give that many.
+///
+/// # Panics
+/// When `work` does.
+///
+/// ```
+/// use std::{ops::ControlFlow, time::Duration};
+/// let mut squares = Vec::new();
+/// cfreg::par::crew(2, 0..5, |i| i * i, Duration::from_secs(1), |square| {
+///     squares.extend(square);
+///     ControlFlow::Continue(())
+/// })?;
+/// squares.sort();
+/// assert_eq!(squares, [0, 1, 4, 9, 16]);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn crew<I: Send, T: Send>(
+    threads: usize,
+    items: impl Iterator<Item = I> + Send,
+    work: impl Fn(I) -> T + Sync,
+    tick: Duration,
+    mut take: impl FnMut(Option<T>) -> ControlFlow<()>,
+) -> Result<()> {
+    check_threads(threads)?;
+    let threads = if threads == 0 { rayon::current_num_threads() } else { threads };
+    let refused =
+        |error: &dyn std::fmt::Display| Err(Error::config("threads", threads, error.to_string()));
+    let items = Mutex::new(Some(items));
+    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).as_mut()?.next();
+    let end = || *items.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    // A few results may wait, so that nobody stands still while one is written.
+    let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
+    let worker = |give: mpsc::SyncSender<Result<T, String>>| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+        let pool = match pool {
+            Ok(pool) => pool,
+            Err(error) => return drop(give.send(Err(error.to_string()))),
+        };
+        while let Some(item) = next() {
+            if give.send(Ok(pool.install(|| work(item)))).is_err() {
+                break;
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let (worker, give) = (&worker, give.clone());
+            if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, || worker(give)) {
+                end();
+                return refused(&error);
+            }
+        }
+        drop(give);
+        loop {
+            let step = match results.recv_timeout(tick) {
+                Ok(Ok(result)) => take(Some(result)),
+                Ok(Err(error)) => {
+                    end();
+                    return refused(&error);
+                }
+                Err(mpsc::RecvTimeoutError::Timeout) => take(None),
+                Err(mpsc::RecvTimeoutError::Disconnected) => return Ok(()),
+            };
+            if step.is_break() {
+                end();
+                drop(results);
+                return Ok(());
+            }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::par::map;
+
+    #[test]
+    fn loops_within_stay_on_the_thread() {
+        let id = || std::thread::current().id();
+        let alone = |_| map(100, || (), |_, _| id()).iter().all(|&other| other == id());
+        let mut seen = 0;
+        let take = |one: Option<bool>| {
+            seen += usize::from(one.inspect(|alone| assert!(alone)).is_some());
+            ControlFlow::Continue(())
+        };
+        crew(3, 0..20, alone, Duration::from_secs(1), take).unwrap();
+        assert_eq!(seen, 20);
+    }
+
+    #[test]
+    fn nothing_is_begun_after_a_break() {
+        let begun = AtomicUsize::new(0);
+        let work = |_| {
+            std::thread::sleep(Duration::from_millis(1));
+            begun.fetch_add(1, Ordering::Relaxed)
+        };
+        crew(2, 0..1_000_000, work, Duration::from_secs(1), |_| ControlFlow::Break(())).unwrap();
+        assert!(begun.load(Ordering::Relaxed) < 100);
+        let endless = || crew(2000, 0..1, |_| (), Duration::ZERO, |_| ControlFlow::Continue(()));
+        assert!(endless().is_err());
+    }
+}
