@@ -37,6 +37,8 @@ pub enum OrientedBy {
     FrameOrigin,
     /// A viewpoint that was given.
     GivenViewpoint,
+    /// The place that returns at the limit of the sensor's range lie about.
+    RangeLimit,
     /// A viewpoint that was guessed from the shape of the cloud.
     Guess,
     /// The cloud's centroid, from which they point away.

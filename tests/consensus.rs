@@ -87,6 +87,21 @@ fn real_scans_that_overlap_in_part_are_registered_and_others_refused() {
     assert!(rows.len() > 15 && rows.iter().all(|row| !row.right && !row.accepted), "{rows:#?}");
 }
 
+/// What their scanner did not reach lies at its limit, alike about every place where it stood.
+#[test]
+fn terrestrial_scans_are_registered_however_they_are_moved() {
+    let Some(data) = common::shared_data() else { return };
+    let mut pairs = list::read(&data.join("pairs.csv"), &data).unwrap();
+    pairs.retain(|pair| pair.dataset == "tls_3dtk");
+    assert_eq!(pairs.len(), 3);
+    for seed in 0..4 {
+        let settings = Settings { viewpoints: Viewpoints::None, seed, ..Settings::default() };
+        let methods = ["consensus".to_string()];
+        let rows = benchmark::run(&pairs, &methods, settings, None, |_, _| ()).unwrap();
+        assert!(rows.iter().all(|row| row.right), "{seed}: {rows:#?}");
+    }
+}
+
 #[test]
 fn threads_change_no_bit() {
     let (source, target, _) = samples(3000);

@@ -1,4 +1,4 @@
-//! Symmetric positive definite systems of six unknowns: one Gauss-Newton step of a pose.
+//! Symmetric positive definite systems of few unknowns: of six, one Gauss-Newton step of a pose.
 
 /// A vector of six.
 pub type Vec6 = [f64; 6];
@@ -7,9 +7,9 @@ pub type Mat6 = [[f64; 6]; 6];
 
 /// The Cholesky factor L of `a` = L Lᵀ (its lower triangle is read); `None` unless every
 /// pivot is positive.
-pub fn factor(a: &Mat6) -> Option<Mat6> {
-    let mut l = [[0.0; 6]; 6];
-    for i in 0..6 {
+pub fn factor<const N: usize>(a: &[[f64; N]; N]) -> Option<[[f64; N]; N]> {
+    let mut l = [[0.0; N]; N];
+    for i in 0..N {
         for j in 0..=i {
             let rest = a[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
             if i != j {
@@ -25,14 +25,14 @@ pub fn factor(a: &Mat6) -> Option<Mat6> {
 }
 
 /// x with L Lᵀ x = `b`.
-pub fn solve(l: &Mat6, b: &Vec6) -> Vec6 {
+pub fn solve<const N: usize>(l: &[[f64; N]; N], b: &[f64; N]) -> [f64; N] {
     let mut x = *b;
-    for i in 0..6 {
+    for i in 0..N {
         let rest = x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>();
         x[i] = rest / l[i][i];
     }
-    for i in (0..6).rev() {
-        let rest = x[i] - (i + 1..6).map(|k| l[k][i] * x[k]).sum::<f64>();
+    for i in (0..N).rev() {
+        let rest = x[i] - (i + 1..N).map(|k| l[k][i] * x[k]).sum::<f64>();
         x[i] = rest / l[i][i];
     }
     x

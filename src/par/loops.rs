@@ -98,17 +98,17 @@ pub fn map<S, T: Send>(
 ///
 /// # Errors
 /// That of the first that fails.
-pub fn both<A: Sync, T: Send, E: Send>(
+pub fn both<A: Send, T: Send, E: Send>(
     [a, b]: [A; 2],
-    f: impl Fn(&A) -> Result<T, E> + Sync,
+    f: impl Fn(A) -> Result<T, E> + Sync,
 ) -> Result<[T; 2], E> {
     let interrupt = Interrupt::current();
-    let side = |cloud: &A| {
+    let side = |cloud: A| {
         let _entered = enter(&interrupt);
         checkpoint();
         f(cloud)
     };
-    let (a, b) = rayon::join(|| side(&a), || side(&b));
+    let (a, b) = rayon::join(|| side(a), || side(b));
     Ok([a?, b?])
 }
 

@@ -91,8 +91,7 @@ pub fn evaluate(
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let limit = (max_distance * max_distance) as f32;
-    let [source_points, target_points] =
-        par::both([&moved[..], target.points()], |p| Closest::new(p))?;
+    let [source_points, target_points] = par::both([&moved[..], target.points()], Closest::new)?;
     let moved: Vec<[f32; 3]> = source_points.points().collect();
     let there = target_points.within(&moved, limit);
     let back = source_points.within(&target_points.points().collect::<Vec<_>>(), limit);

@@ -1,12 +1,15 @@
 //! What a sensor saw, and from where.
 //!
 //! A scan says more than where surfaces are: everything between the sensor and them was empty.
-//! [`DepthImage`] keeps that, [`viewpoint`] finds the place of the sensor where no file tells it.
+//! [`DepthImage`] keeps that, [`viewpoint`] finds the place of the sensor where no file tells it,
+//! [`RangeLimit`] the points that are no surface.
 
 mod depth;
+mod range_limit;
 mod viewpoint;
 
 pub use depth::DepthImage;
+pub use range_limit::RangeLimit;
 pub use viewpoint::{Side, Sight, Viewpoints};
 
 use std::collections::HashMap;
@@ -64,4 +67,15 @@ fn note<D: Copy + PartialOrd>(nearest: &mut HashMap<Pixel, D>, pixel: Pixel, dis
     if distance < *seen {
         *seen = distance;
     }
+}
+
+/// `count` directions spread evenly over the sphere: a Fibonacci lattice.
+fn directions(count: usize) -> impl Iterator<Item = Vec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count).map(move |i| {
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+        let (sine, cosine) = (golden * i as f64).sin_cos();
+        let around = (1.0 - z * z).sqrt();
+        [around * cosine, around * sine, z]
+    })
 }

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::{Pixel, median, note};
+use super::{Pixel, directions, median, note};
 use crate::math::{self, Vec3};
 use crate::par;
 
@@ -121,7 +121,8 @@ impl Viewpoints {
         }
         let (center, radius) = sight.frame();
         let shells = DISTANCES.iter().flat_map(|&distance| {
-            directions().map(move |d| math::add(center, math::scaled(d, distance * radius)))
+            directions(DIRECTIONS)
+                .map(move |d| math::add(center, math::scaled(d, distance * radius)))
         });
         let places: Vec<Vec3> = std::iter::once(center).chain(shells).collect();
         let judged = |nearest: &mut HashMap<_, _>, at: Vec3| (at, sight.cost(at, nearest));
@@ -161,17 +162,6 @@ fn descend(
         }
     }
     best
-}
-
-/// Directions spread evenly over the sphere: a Fibonacci lattice.
-fn directions() -> impl Iterator<Item = Vec3> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..DIRECTIONS).map(move |i| {
-        let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
-        let (sine, cosine) = (golden * i as f64).sin_cos();
-        let around = (1.0 - z * z).sqrt();
-        [around * cosine, around * sine, z]
-    })
 }
 
 #[cfg(test)]

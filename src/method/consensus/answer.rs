@@ -15,7 +15,16 @@ impl Search<'_> {
         let (settled, [from, onto]) = (self.settled, &best.surfaces);
         let covariance = times.time("covariance", || self.covariance());
         let standing = self.standing(covariance.as_ref());
-        let verdict = verdict(&standing, self.runner_up(&standing), covariance);
+        let mut verdict = verdict(&standing, self.runner_up(&standing), covariance);
+        for (scan, name) in self.scans.iter().zip(["source", "target"]) {
+            if let Some(limit) = scan.limit() {
+                let (points, range) = (limit.points, limit.range);
+                let rest = "at the limit of its sensor's range, are left out";
+                verdict
+                    .reasons
+                    .push(format!("{points} points of the {name} {range:.1} away, {rest}"));
+            }
+        }
         let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
             dropped: scan.whole().dropped(),
             used: scan.whole().len(),

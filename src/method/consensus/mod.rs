@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub use self::candidates::Judged;
 use self::evidence::{Evidence, REACH};
 use self::hypotheses::Matches;
-use self::scan::{Scan, Surface, View, squared_distance};
+use self::scan::{Scan, Surface, View, Whole, squared_distance};
 use self::settle::{Effort, Settled, settle};
 use super::registration::Timings;
 use super::{Register, Registration};
@@ -39,7 +39,8 @@ use crate::pose::{Prior, ScaleEstimate};
 /// All lengths follow from one, [`voxel`](Self::voxel), and that from the clouds: the unit does
 /// not matter, nor where the clouds stand. Where the place of a sensor is known
 /// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
-/// where it is not, it is guessed.
+/// where it is not, it is guessed. Returns at the limit of a sensor's range are no surface and
+/// left out ([`RangeLimit`](crate::visibility::RangeLimit)).
 ///
 /// Weights of points ([`PointCloud::with_weights`]) count where poses are solved: a match, and a
 /// pair of surface points, is multiplied by those of its two points, each the mean of its cube.
@@ -150,7 +151,7 @@ impl Consensus {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let side = |cloud: &&PointCloud| filter::voxel_side(cloud, POINTS);
+        let side = |cloud: &PointCloud| filter::voxel_side(cloud, POINTS);
         let [source, target] = par::both([source, target], side)?;
         let side = source.max(target);
         if side <= 0.0 {
@@ -178,11 +179,13 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let length = times.time("thin", || self.length(source, target))?;
+        let [source, target] = times
+            .time("range limit", || par::both([source, target], |cloud| Ok(Whole::of(cloud))))?;
+        let length = times.time("thin", || self.length(&source.cloud, &target.cloud))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
-            par::both(named, |&(cloud, name)| Scan::new(cloud, length, name))
+            par::both(named, |(cloud, name)| Scan::new(cloud, length, name))
         })?;
         let attempts = config.attempts(&scans, length, times)?;
         let odds = |attempt: &Attempt| {
@@ -248,7 +251,7 @@ impl Consensus {
     ) -> Result<Attempt> {
         let [source, target] = times.time("descriptors", || {
             let seen = [(&scans[0], from), (&scans[1], onto)];
-            par::both(seen, |(scan, view)| scan.surface(*view))
+            par::both(seen, |(scan, view)| scan.surface(view))
         })?;
         let matches = times.time("matches", || matched(&source, &target, length))?;
         let found = times.time("hypotheses", || matches.hypotheses(self.seeds, &self.prior));

@@ -1,6 +1,7 @@
 //! A cloud as this method sees it: thinned, with normals, described once it is known from
 //! where it was seen.
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use crate::cloud::{Descriptors, PointCloud};
@@ -11,7 +12,7 @@ use crate::math::{self, Vec3};
 use crate::moments::Described;
 use crate::normals::{self, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors, SearchTree};
-use crate::visibility::{DepthImage, Sight, Viewpoints};
+use crate::visibility::{DepthImage, RangeLimit, Sight, Viewpoints};
 
 /// Nearest points that make a normal.
 const NORMAL_NEIGHBORS: usize = 20;
@@ -24,9 +25,33 @@ const SIGHTED: usize = 1500;
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
 const PLAUSIBLE: f64 = 0.2;
 
+/// The surfaces of a cloud: all of it but for returns at the limit of the sensor's range.
+pub(super) struct Whole<'a> {
+    pub(super) cloud: Cow<'a, PointCloud>,
+    pub(super) limit: Option<RangeLimit>,
+}
+
+impl<'a> Whole<'a> {
+    /// Looks for a limit about the sensor's place: what the cloud says or, where it says nothing,
+    /// the origin of its frame, or wherever such returns lie about.
+    pub(super) fn of(cloud: &'a PointCloud) -> Self {
+        let limit = match cloud.viewpoint() {
+            Some(at) => RangeLimit::about(cloud, at),
+            None => {
+                RangeLimit::about(cloud, cloud.frame_origin()).or_else(|| RangeLimit::find(cloud))
+            }
+        };
+        let cloud = match &limit {
+            Some(limit) => Cow::Owned(limit.within(cloud)),
+            None => Cow::Borrowed(cloud),
+        };
+        Whole { cloud, limit }
+    }
+}
+
 /// A cloud thinned to one length.
 pub(super) struct Scan<'a> {
-    whole: &'a PointCloud,
+    whole: Whole<'a>,
     thin: PointCloud,
     /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
     weights: Option<Vec<f32>>,
@@ -74,17 +99,18 @@ pub(super) struct Surface {
 
 impl<'a> Scan<'a> {
     /// Thins `whole` to about one point per cube of side `length`; `name` is what errors call it.
-    pub(super) fn new(whole: &'a PointCloud, length: f64, name: &str) -> Result<Self> {
-        let (thin, weights) = match whole.relative_weights() {
-            None => (filter::voxel_grid(whole, length)?, None),
+    pub(super) fn new(whole: Whole<'a>, length: f64, name: &str) -> Result<Self> {
+        let cloud = whole.cloud.as_ref();
+        let (thin, weights) = match cloud.relative_weights() {
+            None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
                 // Weights tell how much a place counts, not where the surface is.
                 let mean = |cube: &Vec<usize>| {
                     let sum: f64 = cube.iter().map(|&i| f64::from(own[i])).sum();
                     (sum / cube.len() as f64) as f32
                 };
-                let weights = filter::cubes(whole, length)?.iter().map(mean).collect();
-                (filter::voxel_grid(&whole.unweighted(), length)?, Some(weights))
+                let weights = filter::cubes(cloud, length)?.iter().map(mean).collect();
+                (filter::voxel_grid(&cloud.unweighted(), length)?, Some(weights))
             }
         };
         if thin.len() < 3 {
@@ -100,20 +126,28 @@ impl<'a> Scan<'a> {
     }
 
     pub(super) fn whole(&self) -> &PointCloud {
-        self.whole
+        &self.whole.cloud
+    }
+
+    /// Where returns at the limit of the sensor's range were, which are left out.
+    pub(super) fn limit(&self) -> Option<&RangeLimit> {
+        self.whole.limit.as_ref()
     }
 
     pub(super) fn neighbors(&self) -> usize {
         NEIGHBORS.min(self.thin.len())
     }
 
-    /// The sensor's place: what the cloud says or, where that is plausible, the origin of its
-    /// frame.
+    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
+    /// that is plausible, the origin of its frame.
     pub(super) fn sensor(&self) -> Result<Option<View>> {
-        if let Some(at) = self.whole.viewpoint() {
+        if let Some(at) = self.whole().viewpoint() {
             return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
         }
-        let origin = self.whole.frame_origin();
+        if let Some(limit) = self.limit() {
+            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
+        }
+        let origin = self.whole().frame_origin();
         let local = math::sub(origin, self.thin.origin());
         let against = self.glance()?.sight().implausible(local);
         Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
@@ -154,7 +188,7 @@ impl<'a> Scan<'a> {
         let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
         let seen = match view {
             View::Sensor(at, _) => {
-                let local = self.whole.positions().map(|p| math::sub(p, origin));
+                let local = self.whole().positions().map(|p| math::sub(p, origin));
                 DepthImage::new(local, math::sub(at, origin), self.length)
             }
             View::Guess(_) | View::Outward => None,
@@ -247,7 +281,8 @@ mod tests {
         // As heavy as they lie far to the right: at 29.5 in the mean.
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
-        let surface = |cloud| Scan::new(cloud, 3.0, "it").unwrap().surface(View::Outward).unwrap();
+        let surface =
+            |cloud| Scan::new(Whole::of(cloud), 3.0, "it").unwrap().surface(View::Outward).unwrap();
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);
         for i in 0..heavy.len() {

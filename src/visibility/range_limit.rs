@@ -1,0 +1,202 @@
+//! Returns at the limit of a sensor's range: no surface, but a sphere about the sensor.
+//!
+//! Some scanners put the rays that met nothing at the largest distance that they can tell. Such
+//! points lie alike in every scan, about its own sensor, so scans are drawn sensor onto sensor
+//! by them. They also tell where the sensor stood.
+
+use rand::SeedableRng;
+use rand::seq::index;
+use rand_chacha::ChaCha8Rng;
+
+use super::directions;
+use crate::cloud::PointCloud;
+use crate::math::cholesky;
+use crate::math::{self, Vec3};
+
+/// Depth of the shell that holds them, as a share of the range.
+const SHELL: f64 = 1e-3;
+/// Depth of what is nearly empty before it: surfaces end gradually.
+const VOID: f64 = 0.05;
+/// Most points in there, as a share of those in the shell.
+const STRAYS: f64 = 0.05;
+/// Least and most of the points that are in the shell: fewer change nothing, more are a surface.
+const SHARE: [f64; 2] = [0.002, 1.0 / 3.0];
+/// Fewest points of a shell.
+const FEWEST: usize = 20;
+/// Points among which a sphere is sought.
+const SAMPLE: usize = 4000;
+/// Directions in which the farthest of them are taken.
+const DIRECTIONS: usize = 192;
+/// Fewest of the farthest that a sphere goes through.
+const THROUGH: usize = 8;
+/// Spheres that are tried.
+const TRIES: usize = 400;
+
+/// The largest distance that a sensor tells, where many points lie at it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeLimit {
+    /// The sensor's place, in the cloud's frame.
+    pub viewpoint: Vec3,
+    /// The largest distance of a point from it.
+    pub range: f64,
+    /// Points there.
+    pub points: usize,
+}
+
+impl RangeLimit {
+    /// The limit of a sensor at `viewpoint`: none where the farthest points are no more than
+    /// the end of a surface, or a surface themselves.
+    pub fn about(cloud: &PointCloud, viewpoint: Vec3) -> Option<RangeLimit> {
+        let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
+        let distances = cloud.positions().map(distance);
+        let range = distances.clone().fold(0.0, f64::max);
+        let beyond = |share: f64| distances.clone().filter(|d| *d >= (1.0 - share) * range).count();
+        let (points, n) = (beyond(SHELL), cloud.len() as f64);
+        let many = points >= FEWEST && points as f64 >= SHARE[0] * n;
+        let shell = many && points as f64 <= SHARE[1] * n;
+        let alone = || ((beyond(VOID) - points) as f64) < STRAYS * points as f64;
+        (shell && alone()).then_some(RangeLimit { viewpoint, range, points })
+    }
+
+    /// The limit of a sensor of which nothing is known: the farthest points of the cloud lie on
+    /// a sphere.
+    pub fn find(cloud: &PointCloud) -> Option<RangeLimit> {
+        let center = cloud.centroid();
+        let stride = cloud.len().div_ceil(SAMPLE).max(1);
+        let sample = (0..cloud.len()).step_by(stride);
+        let sample: Vec<Vec3> = sample.map(|i| math::sub(cloud.position(i), center)).collect();
+        let farthest = |along: Vec3| {
+            let ahead = |&i: &usize| math::dot(along, sample[i]);
+            (0..sample.len()).max_by(|a, b| ahead(a).total_cmp(&ahead(b)))
+        };
+        let mut extremes: Vec<usize> = directions(DIRECTIONS).filter_map(farthest).collect();
+        extremes.sort_unstable();
+        extremes.dedup();
+        let extremes: Vec<Vec3> = extremes.into_iter().map(|i| sample[i]).collect();
+        let sphere = Sphere::around(&extremes)?;
+        RangeLimit::about(cloud, math::add(sphere.center, center))
+    }
+
+    /// The points of `cloud` that are nearer.
+    pub fn within(&self, cloud: &PointCloud) -> PointCloud {
+        let nearer = |i: &usize| {
+            let distance = math::norm(math::sub(cloud.position(*i), self.viewpoint));
+            distance < (1.0 - SHELL) * self.range
+        };
+        cloud.select(&(0..cloud.len()).filter(nearer).collect::<Vec<_>>())
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Sphere {
+    center: Vec3,
+    radius: f64,
+}
+
+impl Sphere {
+    /// The sphere that holds all `points` and has most of them on it, at least [`THROUGH`]:
+    /// through four at random, then through all that are near.
+    fn around(points: &[Vec3]) -> Option<Sphere> {
+        if points.len() < THROUGH {
+            return None;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let tries = (0..TRIES).filter_map(|_| {
+            let four = index::sample(&mut rng, points.len(), 4);
+            let mut sphere = Sphere::through(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
+            for reach in [4.0, 2.0, 1.0] {
+                let near = points.iter().filter(|p| sphere.off(**p).abs() < reach * SHELL);
+                sphere = Sphere::through(&near.copied().collect::<Vec<_>>())?;
+            }
+            let on = points.iter().filter(|p| sphere.off(**p).abs() < SHELL).count();
+            let holds = points.iter().all(|p| sphere.off(*p) < SHELL);
+            (holds && on >= THROUGH).then_some((on, sphere))
+        });
+        tries.max_by_key(|(on, _)| *on).map(|(_, sphere)| sphere)
+    }
+
+    /// How far outside `point` is, in radii; negative inside.
+    fn off(&self, point: Vec3) -> f64 {
+        math::norm(math::sub(point, self.center)) / self.radius - 1.0
+    }
+
+    /// The sphere of least squares, |p|² = 2 c·p + s (Coope 1993); none of points in a plane.
+    fn through(points: &[Vec3]) -> Option<Sphere> {
+        let unit = points.iter().map(|&p| math::norm(p)).fold(0.0, f64::max);
+        let (mut normal, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
+        for &p in points {
+            let [x, y, z] = math::scaled(p, 1.0 / unit);
+            let (row, square) = ([2.0 * x, 2.0 * y, 2.0 * z, 1.0], x * x + y * y + z * z);
+            for u in 0..4 {
+                right[u] += row[u] * square;
+                (0..4).for_each(|v| normal[u][v] += row[u] * row[v]);
+            }
+        }
+        let [x, y, z, rest] = cholesky::solve(&cholesky::factor(&normal)?, &right);
+        let center = [x, y, z];
+        let radius = (rest + math::dot(center, center)).sqrt();
+        let sphere = Sphere { center: math::scaled(center, unit), radius: radius * unit };
+        (sphere.radius.is_finite() && sphere.radius > 0.0).then_some(sphere)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Transform;
+
+    const SENSOR: Vec3 = [0.0, 0.0, 1.7];
+
+    /// A yard 20 m wide seen from its middle, and where the gate is open, returns at 50 m,
+    /// `share` of the whole.
+    fn yard(share: f64) -> Vec<Vec3> {
+        let n = 6000;
+        let gate = (f64::from(n) * share) as i32;
+        let far = (0..gate).map(|i| {
+            let (around, up) = (f64::from(i % 40) / 40.0 - 0.2, f64::from(i / 40) / 400.0 - 0.05);
+            let range = 50.0 - 0.01 * f64::from(i % 3);
+            let ray = math::normalized([around.cos(), around.sin(), up]);
+            math::add(SENSOR, math::scaled(ray, range))
+        });
+        let ground = (0..n - gate).map(|i| {
+            let (x, y) = (f64::from(i % 70) / 3.5 - 10.0, f64::from(i / 70) / 3.5 - 10.0);
+            if i % 2 == 0 { [x, y, 0.0] } else { [x, 10.0, 0.2 * (y + 10.0)] }
+        });
+        far.chain(ground).collect()
+    }
+
+    #[test]
+    fn a_limit_is_found_wherever_the_cloud_stands() {
+        let yard = yard(0.1);
+        let turn = Transform::from_rotation_vector([0.7, -2.0, 0.4]);
+        let moved = Transform { translation: [3.0, -80.0, 12.0], ..turn };
+        for pose in [Transform::IDENTITY, moved] {
+            let cloud: Vec<Vec3> = yard.iter().map(|&p| pose.apply(p)).collect();
+            let cloud = PointCloud::new(&cloud).unwrap();
+            let found = RangeLimit::find(&cloud).unwrap();
+            let off = math::norm(math::sub(found.viewpoint, pose.apply(SENSOR)));
+            assert!(off < 0.1 && (found.range - 50.0).abs() < 0.05, "{found:?}");
+            assert_eq!(RangeLimit::about(&cloud, pose.apply(SENSOR)).unwrap().points, 600);
+            assert_eq!((found.points, found.within(&cloud).len()), (600, 5400));
+        }
+    }
+
+    #[test]
+    fn what_ends_like_a_surface_or_is_one_has_no_limit() {
+        // A yard without a gate; a few returns alone; the greater part of all.
+        for share in [0.0, 0.001, 0.5] {
+            let cloud = PointCloud::new(&yard(share)).unwrap();
+            assert_eq!(RangeLimit::find(&cloud), None, "{share}");
+            assert_eq!(RangeLimit::about(&cloud, SENSOR), None, "{share}");
+        }
+        // A ball, a disc about the viewpoint, three points, none.
+        let ball: Vec<Vec3> = directions(2000).collect();
+        let disc = (0..2500).map(|i| [f64::from(i % 50) - 24.5, f64::from(i / 50) - 24.5, 0.0]);
+        let disc: Vec<Vec3> = disc.filter(|&p| math::norm(p) < 24.0).collect();
+        for points in [&ball[..], &disc, &ball[..3], &[]] {
+            let cloud = PointCloud::new(points).unwrap();
+            assert_eq!(RangeLimit::find(&cloud), None);
+            assert_eq!(RangeLimit::about(&cloud, [0.0; 3]), None);
+        }
+    }
+}
