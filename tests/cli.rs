@@ -169,6 +169,31 @@ fn the_pose_is_written_read_and_judged() {
 }
 
 #[test]
+fn a_verdict_is_told_of_any_pose_and_method() {
+    let folder = demo();
+    let evaluate = "evaluate pair/source.pcd pair/target.pcd --verdict --transform";
+    let right = cfreg(folder.path(), &format!("{evaluate} pair/truth.txt"));
+    let told = String::from_utf8(right.stdout.clone()).unwrap();
+    assert!(code(&right) == 0 && told.contains("accept: right with probability"), "{told}");
+    std::fs::write(folder.path().join("one.txt"), "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n").unwrap();
+    let wrong = cfreg(folder.path(), &format!("{evaluate} one.txt --json"));
+    let told: Value = serde_json::from_slice(&wrong.stdout).unwrap();
+    assert_eq!((code(&wrong), &told["verdict"]["decision"]), (1, &"reject".into()));
+    assert!(told["verdict"]["runner_up"]["probability"].as_f64().unwrap() > 0.9);
+    let plain =
+        cfreg(folder.path(), &format!("{evaluate} one.txt --json").replace("--verdict", ""));
+    let plain: Value = serde_json::from_slice(&plain.stdout).unwrap();
+    assert!(plain.get("verdict").is_none() && plain["fitness"] == told["fitness"]);
+    // Of a method that has none of its own.
+    for (line, decision) in [("", Value::Null), ("--verdict", "accept".into())] {
+        let found = cfreg(folder.path(), &format!("{PAIR} --method cf-multiscale --json {line}"));
+        let found: Value = serde_json::from_slice(&found.stdout).unwrap();
+        assert_eq!(found["verdict"].get("decision").unwrap_or(&Value::Null), &decision);
+        assert_eq!(found["time_s"].get("verdict").is_some(), !line.is_empty());
+    }
+}
+
+#[test]
 fn settings_reach_the_method() {
     let folder = demo();
     let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \

@@ -267,6 +267,39 @@ fn a_refinement_that_stays_with_the_pose_keeps_the_verdict() {
 }
 
 #[test]
+fn any_pose_is_judged_whoever_found_it() {
+    let (source, target, truth) = samples(2000);
+    let judge = |source: &PointCloud, pose: &Transform| {
+        Consensus::default().judge(source, &target, pose).unwrap()
+    };
+    // Its own answer as it judges that itself.
+    let found = register(&source, &target);
+    let own = judge(&source, &found.transform);
+    let first = found.verdict.unwrap();
+    assert_eq!(own.decision, Decision::Accept);
+    assert!((own.probability - first.probability).abs() < 1e-3, "{own} {first}");
+    // The truth; off by less than it tells poses apart; of another size.
+    assert_eq!(judge(&source, &truth).decision, Decision::Accept);
+    let shift = Transform { translation: [0.05, 0.0, 0.0], ..Transform::IDENTITY };
+    assert_eq!(judge(&source, &shift.after(&truth)).decision, Decision::Accept);
+    let half = Transform { scale: 0.5, ..Transform::IDENTITY };
+    let double = Transform { scale: 2.0, ..Transform::IDENTITY };
+    let small = source.transformed(&half).unwrap();
+    assert_eq!(judge(&small, &truth.after(&double)).decision, Decision::Accept);
+    // Wrong ones, beside which the right one is named.
+    for wrong in [Transform::IDENTITY, Transform { translation: [9e9; 3], ..truth }] {
+        let verdict = judge(&source, &wrong);
+        let other = verdict.runner_up.unwrap();
+        assert!(verdict.decision == Decision::Reject && other.probability > 0.9);
+        assert!(degrees(&other.transform, &truth) < 1.0);
+        let scaled = judge(&small, &wrong.after(&double));
+        assert_eq!(scaled.decision, Decision::Reject);
+        let other = scaled.runner_up.unwrap().transform;
+        assert!(other.scale == 2.0 && degrees(&other, &truth) < 1.0);
+    }
+}
+
+#[test]
 fn it_is_a_method_by_name_and_starts_refinements() {
     let method: Method = "consensus".parse().unwrap();
     assert_eq!(method, Method::Consensus(Consensus::default()));

@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde::Serialize;
 
 use super::options::Thinning;
 use super::{Outcome, print, print_json};
 use crate::error::Result;
 use crate::io;
-use crate::quality::{self, Judgement};
+use crate::method::Consensus;
+use crate::quality::{self, Decision, Judgement, Verdict};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -28,9 +30,22 @@ pub(super) struct Evaluate {
     max_distance: Option<f64>,
     #[command(flatten)]
     thinning: Thinning,
+    /// Also a verdict on the pose, by a search of the method consensus: whether it is right, and
+    /// which other one is more probable; exit code 0 only for accept
+    #[arg(long)]
+    verdict: bool,
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Answer {
+    #[serde(flatten)]
+    judgement: Judgement,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdict: Option<Verdict>,
 }
 
 impl Evaluate {
@@ -41,12 +56,17 @@ impl Evaluate {
         let target = self.thinning.read(&self.target, 1)?;
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
+        let judge = Consensus::default();
+        let verdict = self.verdict.then(|| judge.judge(&source, &target, &transform));
+        let verdict = verdict.transpose()?;
+        let accepted = verdict.as_ref().is_none_or(|it| it.decision == Decision::Accept);
         if self.json {
-            print_json(&judgement)?;
+            print_json(&Answer { judgement, verdict })?;
         } else {
-            print(&text(&judgement))?;
+            let verdict = verdict.map_or_else(String::new, |it| format!("{it}\n"));
+            print(&(text(&judgement) + &verdict))?;
         }
-        Ok(Outcome::Trusted)
+        Ok(if accepted { Outcome::Trusted } else { Outcome::Doubted })
     }
 }
 

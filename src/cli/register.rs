@@ -9,7 +9,7 @@ use super::options::{MethodOptions, Thinning};
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::method::{Method, Register as _, Registration};
+use crate::method::{Consensus, Method, Register as _, Registration};
 use crate::{io, par};
 
 #[derive(Args)]
@@ -22,6 +22,10 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Thinning,
+    /// A verdict on the pose of any method, by a search like that of consensus, which has one
+    /// anyway
+    #[arg(long)]
+    verdict: bool,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
@@ -61,6 +65,9 @@ impl Register {
             let target = thinning.read(&self.target, 1)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
+            if self.verdict && registration.verdict.is_none() {
+                registration = judged(registration, &source, &target)?;
+            }
             registration.time_s.0.insert(0, ("read", seconds));
             Ok::<_, Error>(registration)
         })??;
@@ -95,6 +102,19 @@ impl Register {
     }
 }
 
+/// `registration` with a verdict, and the seconds that it took.
+fn judged(
+    mut registration: Registration,
+    source: &PointCloud,
+    target: &PointCloud,
+) -> Result<Registration> {
+    let mut seconds = std::mem::take(&mut registration.time_s);
+    let judge = Consensus::default();
+    let pose = registration.transform;
+    let verdict = seconds.time("verdict", || judge.judge(source, target, &pose))?;
+    Ok(Registration { time_s: seconds, ..registration.with_verdict(verdict) })
+}
+
 /// What may help against a doubt, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
     match &registration.config {
@@ -115,11 +135,7 @@ fn advice(registration: &Registration) -> &'static str {
 pub(super) fn summary(registration: &Registration) -> String {
     let r = registration;
     let points = r.points;
-    let verdict = r.verdict.as_ref().map_or_else(String::new, |verdict| {
-        let reasons = verdict.reasons.join("; ");
-        let decision = format!("{:?}", verdict.decision).to_lowercase();
-        format!("{decision}: right with probability {:.3}; {reasons}\n", verdict.probability)
-    });
+    let verdict = r.verdict.as_ref().map_or_else(String::new, |verdict| format!("{verdict}\n"));
     format!(
         "{verdict}{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
          fitness {:.3} of the source, {:.3} of the target within {:.4}; {:.2} beyond chance\n\

@@ -100,7 +100,7 @@ impl Chain {
                     let own = std::mem::take(&mut refined.time_s);
                     refined.time_s = found.time_s.clone();
                     own.0.iter().for_each(|&(stage, seconds)| refined.time_s.add(stage, seconds));
-                    refined.keep_verdict(&found, source);
+                    refined = refined.keep_verdict(&found, source);
                     refined.refined_from = Some(Box::new(found));
                     found = refined;
                 }

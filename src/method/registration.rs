@@ -144,19 +144,24 @@ impl Registration {
 const STILL: (f64, f64) = (5.0, 0.05);
 
 impl Registration {
+    /// With a verdict on its pose ([`Consensus::judge`](super::Consensus::judge)), which looks
+    /// closer than agreement and replaces it as a ground for doubt.
+    pub fn with_verdict(mut self, verdict: Verdict) -> Self {
+        self.doubts.retain(|doubt| !matches!(doubt, Doubt::LowAgreement { .. }));
+        self.doubts.extend(Doubt::of_verdict(&verdict));
+        self.trusted = self.doubts.is_empty();
+        Registration { verdict: Some(verdict), ..self }
+    }
+
     /// Takes over the verdict on `before`, which this refines, where it has stayed with that pose.
-    /// A verdict looks closer than agreement, which it replaces as a ground for doubt.
-    pub(super) fn keep_verdict(&mut self, before: &Registration, source: &PointCloud) {
-        let Some(verdict) = &before.verdict else { return };
+    pub(super) fn keep_verdict(self, before: &Registration, source: &PointCloud) -> Self {
+        let Some(verdict) = &before.verdict else { return self };
         let moved = quality::truth_error(&self.transform, &before.transform, source.centroid());
         let (degrees, share) = STILL;
         if moved.rotation_deg > degrees || moved.translation > share * source.diagonal() {
-            return;
+            return self;
         }
-        self.doubts.retain(|doubt| !matches!(doubt, Doubt::LowAgreement { .. }));
-        self.doubts.extend(Doubt::of_verdict(verdict));
-        self.trusted = self.doubts.is_empty();
-        self.verdict = Some(verdict.clone());
+        self.with_verdict(verdict.clone())
     }
 }
 

@@ -142,6 +142,25 @@ pub(super) fn evaluate(
     to_json(&judgement)
 }
 
+/// The verdict on a pose, whoever found it, with these settings of consensus; JSON.
+#[pyfunction]
+pub(super) fn judge(
+    py: Python<'_>,
+    source: &Bound<'_, PyAny>,
+    target: &Bound<'_, PyAny>,
+    transform: &Bound<'_, PyAny>,
+    settings: String,
+) -> PyResult<String> {
+    let Method::Consensus(judge) = method_of("settings", &("consensus".into(), settings))? else {
+        return Err(PyRuntimeError::new_err("consensus is another method"));
+    };
+    let transform = pose(transform, "transform")?;
+    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
+    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let (source, target) = (source.get(), target.get());
+    to_json(&released(py, || judge.judge(source, target, &transform))?)
+}
+
 pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }

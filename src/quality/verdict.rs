@@ -1,5 +1,7 @@
 //! Whether to take an answer.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use super::PoseCovariance;
@@ -83,6 +85,15 @@ impl Verdict {
             runner_up.probability = other / (1.0 + own + other);
         }
         Verdict { decision, probability: shared, reasons, overlap, runner_up, covariance }
+    }
+}
+
+impl fmt::Display for Verdict {
+    /// In a line: the decision, the probability, the reasons.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let decision = format!("{:?}", self.decision).to_lowercase();
+        let reasons = self.reasons.join("; ");
+        write!(f, "{decision}: right with probability {:.3}; {reasons}", self.probability)
     }
 }
 

@@ -41,6 +41,17 @@ class Registration(unittest.TestCase):
         self.assertEqual(self.refused.doubts[0].ground, "improbable")
         self.assertEqual(self.refused.doubts[0].facts["found"], verdict.probability)
 
+    def test_any_pose_is_judged(self):
+        source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
+        told = cfreg.judge(source, target, self.found)
+        self.assertEqual(told.decision, "accept")
+        self.assertGreater(told.probability, 0.9)
+        told = cfreg.judge(source, target, np.eye(4), seeds=50)
+        self.assertEqual(told.decision, "reject")
+        np.testing.assert_allclose(told.runner_up.transform[:3, :3], self.truth[:3, :3], atol=0.1)
+        with self.assertRaisesRegex(cfreg.SettingError, "seeds"):
+            cfreg.judge(source, target, np.eye(4), seeds=0)
+
     def test_doubts_have_words_and_numbers(self):
         self.assertFalse(self.wrong.trusted)
         doubt = self.wrong.doubts[0]

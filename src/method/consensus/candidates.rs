@@ -60,9 +60,10 @@ impl Consensus {
                 }));
             }
             let [from, onto] = &search.attempts[search.best].surfaces;
-            let pose = global(&search.settled.pose, from, onto);
-            let standing = search.standing(search.covariance().as_ref());
-            judged.push(Judged::answer(pose, &standing));
+            let pose = &search.settled.pose;
+            let covariance = search.covariance(pose);
+            let standing = search.standing(pose, search.evidence, covariance.as_ref());
+            judged.push(Judged::answer(global(pose, from, onto), &standing));
             Ok(judged)
         })?
     }

@@ -4,6 +4,7 @@ mod answer;
 mod candidates;
 mod evidence;
 mod hypotheses;
+mod judge;
 mod scan;
 mod settle;
 mod standing;

@@ -38,18 +38,19 @@ impl Standing {
 }
 
 impl Search<'_> {
-    /// Of the answer.
-    pub(super) fn standing(&self, covariance: Option<&PoseCovariance>) -> Standing {
+    /// Of `pose`, for which `evidence` speaks.
+    pub(super) fn standing(
+        &self,
+        pose: &Transform,
+        evidence: Evidence,
+        covariance: Option<&PoseCovariance>,
+    ) -> Standing {
         let [least, most] = SPREAD;
         let shift = |known: &PoseCovariance| {
             let variance: f64 = (3..6).map(|i| known.matrix[i][i]).sum();
             (variance.sqrt() / self.length).clamp(least, most)
         };
-        Standing {
-            evidence: self.evidence,
-            votes: self.votes(&self.settled.pose),
-            spread: covariance.map_or(most, shift),
-        }
+        Standing { evidence, votes: self.votes(pose), spread: covariance.map_or(most, shift) }
     }
 
     /// Settled poses that are `pose`.
@@ -59,9 +60,10 @@ impl Search<'_> {
         all.filter(|other| apart(&other.pose, pose, &corners) <= SAME * self.length).count()
     }
 
-    pub(super) fn covariance(&self) -> Option<PoseCovariance> {
+    /// How far `pose` may be off, if it is the right one.
+    pub(super) fn covariance(&self, pose: &Transform) -> Option<PoseCovariance> {
         let ends = self.attempts[self.best].surfaces.each_ref();
-        settle::covariance(ends, &self.settled.pose, REACH * self.length, self.length)
+        settle::covariance(ends, pose, REACH * self.length, self.length)
     }
 }
 

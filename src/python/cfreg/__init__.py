@@ -9,7 +9,8 @@
 (True, 90, (4, 4))
 
 `register` does everything; `Consensus`, `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are
-its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
+its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose,
+`judge` tells whether it is right.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -73,6 +74,7 @@ from .results import (
     TruthError,
     Verdict,
     evaluate,
+    judge,
 )
 
 __all__ = [
@@ -111,6 +113,7 @@ __all__ = [
     "estimate_normals",
     "evaluate",
     "fpfh",
+    "judge",
     "keypoints",
     "method",
     "moments",

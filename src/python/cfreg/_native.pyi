@@ -27,6 +27,7 @@ __all__ = [
     "check_kernel",
     "estimate_normals",
     "evaluate",
+    "judge",
     "fpfh",
     "keypoints",
     "kernel_weights",
@@ -186,6 +187,9 @@ def evaluate(
     transform: _Matrix,
     max_distance: float | None = None,
     truth: _Matrix | None = None,
+) -> str: ...
+def judge(
+    source: _CloudLike, target: _CloudLike, transform: _Matrix, settings: str
 ) -> str: ...
 def kernel_weights(
     kernel: str, squared_distances: npt.NDArray[np.float32]
