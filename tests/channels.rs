@@ -1,6 +1,7 @@
 //! Channels of clouds: from file to file, and where shape alone says nothing.
 
-use cfreg::method::{Cf, Channel, Describe, Register};
+use cfreg::method::{Cf, Channel, Consensus, Describe, Register};
+use cfreg::quality::Decision;
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization};
 use cfreg::{Channels, Error, PointCloud, Transform, filter, io, quality};
@@ -157,4 +158,39 @@ fn columns_that_are_no_channel_are_skipped() {
     }
     let zero = read("a.csv", b"x,y,z,weight\n0,0,0,0\n1,0,0,0\n");
     assert!(zero.unwrap_err().to_string().contains("above 0"));
+}
+
+/// Points of a cube with sides of 2, painted unlike on every face.
+fn cube(seed: u64) -> PointCloud {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let points: Vec<[f64; 3]> = (0..6000)
+        .map(|i| {
+            let mut p = [(); 3].map(|()| rng.random_range(-1.0..1.0f64));
+            p[i % 3] = if i % 2 == 0 { 1.0 } else { -1.0 };
+            p
+        })
+        .collect();
+    let paint = |p: &[f64; 3]| (2.0 * p[0] + 0.7).sin() + (1.3 * p[1] - 0.4 * p[2]).cos() * p[2];
+    let paint = points.iter().map(|p| paint(p) as f32).collect();
+    let channels = Channels::default().with("paint", paint).unwrap();
+    PointCloud::new(&points).unwrap().with_channels(channels).unwrap()
+}
+
+#[test]
+fn consensus_tells_the_sides_of_a_painted_cube_apart() {
+    let turn = Transform::from_rotation_vector([0.9, -1.4, 0.7]);
+    let truth = Transform { translation: [5.0, 1.0, -2.0], ..turn };
+    let (source, target) = (cube(1), cube(2).transformed(&truth).unwrap());
+    let run = |channels: Vec<Channel>| {
+        let consensus = Consensus { channels, ..Consensus::default() };
+        consensus.register(&source, &target).unwrap()
+    };
+    let painted = run(vec!["paint".parse().unwrap()]);
+    let off = truth.after(&painted.transform.inverse()).angle().to_degrees();
+    assert!(off < 1.0, "{off}");
+    assert_eq!(painted.verdict.unwrap().decision, Decision::Accept);
+    assert_eq!(run(Vec::new()).verdict.unwrap().decision, Decision::Ambiguous);
+    let glow = Consensus { channels: vec!["glow".parse().unwrap()], ..Consensus::default() };
+    let message = glow.register(&source, &target).unwrap_err().to_string();
+    assert_eq!(message.split(';').next(), Some("channels = glow: the source has no such channel"));
 }

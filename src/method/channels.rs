@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::prepared::{Describe, Prepared};
 use crate::cloud::{Descriptors, PointCloud};
+use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 
 /// A channel by which points are compared, and how much it matters.
@@ -83,16 +84,66 @@ pub(super) fn values_of<'a>(
     channels.iter().map(values).collect()
 }
 
+/// What the points of a cloud are compared by.
+#[derive(Clone, Copy)]
+pub(super) struct Compared<'a> {
+    pub(super) descriptors: &'a Descriptors,
+    /// Values at the points, channel by channel.
+    pub(super) channels: &'a [Vec<f32>],
+}
+
+impl Compared<'_> {
+    fn channel(&self, c: usize) -> impl Iterator<Item = f64> + '_ {
+        self.channels[c].iter().map(|&x| f64::from(x))
+    }
+}
+
 /// Mean over both sides, and root mean square distance from it; the same bits in either order.
 fn spread<'a, V: Iterator<Item = f64> + 'a>(
-    sides: &'a [Prepared; 2],
-    values: impl Fn(&'a Prepared) -> V,
+    sides: &'a [Compared<'a>; 2],
+    values: impl Fn(&'a Compared<'a>) -> V,
 ) -> (f64, f64) {
     let [a, b] = sides;
     let n = (a.descriptors.len() + b.descriptors.len()) as f64;
     let mean = (values(a).sum::<f64>() + values(b).sum::<f64>()) / n;
     let squares = |side| values(side).map(|x| (x - mean).powi(2)).sum::<f64>();
     (mean, ((squares(a) + squares(b)) / n).sqrt())
+}
+
+/// The descriptors of both clouds with their channels beside, as [`Describe::joined`] says;
+/// `histogram` is that of the descriptors.
+///
+/// # Errors
+/// Those of [`Descriptors::new`].
+pub(super) fn joined(
+    channels: &[Channel],
+    histogram: HistogramScale,
+    sides: [Compared<'_>; 2],
+) -> Result<[Descriptors; 2]> {
+    let dims = sides[0].descriptors.dim().min(sides[1].descriptors.dim());
+    let bins = (0..dims).map(|d| {
+        spread(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
+    });
+    let fpfh = bins.map(|(_, spread)| spread * spread).sum::<f64>().sqrt();
+    let whole = fpfh.max(histogram.default_beta().sqrt());
+    let scales: Vec<(f64, f64)> = (0..channels.len())
+        .map(|c| {
+            let (mean, spread) = spread(&sides, move |side| side.channel(c));
+            // Rounding alone is no difference.
+            let same = spread <= 1e-6 * mean.abs();
+            (mean, if same { 0.0 } else { channels[c].share * whole / spread })
+        })
+        .collect();
+    let beside = |side: &Compared<'_>| {
+        let values = (0..side.descriptors.len()).flat_map(|i| {
+            let channels = side.channels.iter().zip(&scales);
+            let scaled =
+                channels.map(move |(values, (mean, scale))| (f64::from(values[i]) - mean) * scale);
+            side.descriptors.row(i).iter().copied().chain(scaled.map(|x| x as f32))
+        });
+        Descriptors::new(side.descriptors.dim() + scales.len(), values.collect())
+    };
+    Ok([beside(&sides[0])?, beside(&sides[1])?])
 }
 
 impl Describe {
@@ -121,40 +172,14 @@ impl Describe {
                 return Err(Error::Shape { what, expected, found });
             }
         }
-        let dims = sides[0].descriptors.dim().min(sides[1].descriptors.dim());
-        let bins = (0..dims).map(|d| {
-            spread(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
-        });
-        let fpfh = bins.map(|(_, spread)| spread * spread).sum::<f64>().sqrt();
-        let whole = fpfh.max(self.histogram.default_beta().sqrt());
-        let scales: Vec<(f64, f64)> = (0..self.channels.len())
-            .map(|c| {
-                let values = move |side| Prepared::channel(side, c);
-                let (mean, spread) = spread(&sides, values);
-                // Rounding alone is no difference.
-                let same = spread <= 1e-6 * mean.abs();
-                (mean, if same { 0.0 } else { self.channels[c].share * whole / spread })
-            })
-            .collect();
-        for side in &mut sides {
-            let values: Vec<f32> = (0..side.descriptors.len())
-                .flat_map(|i| {
-                    let channels = side.channels.iter().zip(&scales);
-                    let scaled = channels
-                        .map(move |(values, (mean, scale))| (f64::from(values[i]) - mean) * scale);
-                    let row = side.descriptors.row(i).iter().copied();
-                    row.chain(scaled.map(|x| x as f32))
-                })
-                .collect();
-            side.descriptors = Descriptors::new(side.descriptors.dim() + scales.len(), values)?;
+        let compared = sides
+            .each_ref()
+            .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
+        let joined = joined(&self.channels, self.histogram, compared)?;
+        for (side, descriptors) in sides.iter_mut().zip(joined) {
+            side.descriptors = descriptors;
             side.channels.clear();
         }
         Ok(sides)
-    }
-}
-
-impl Prepared {
-    fn channel(&self, c: usize) -> impl Iterator<Item = f64> + '_ {
-        self.channels[c].iter().map(|&x| f64::from(x))
     }
 }

@@ -17,7 +17,7 @@ use self::hypotheses::Matches;
 use self::scan::{Scan, Surface, View, Whole, squared_distance};
 use self::settle::{Effort, Settled, settle};
 use super::registration::Timings;
-use super::{Register, Registration};
+use super::{Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::filter;
@@ -45,7 +45,7 @@ use crate::pose::{Prior, ScaleEstimate};
 ///
 /// Weights of points ([`PointCloud::with_weights`]) count where poses are solved: a match, and a
 /// pair of surface points, is multiplied by those of its two points, each the mean of its cube.
-/// Surfaces, and the verdict, are those of all points. Channels are not looked at.
+/// Surfaces, and the verdict, are those of all points.
 ///
 /// ```
 /// use cfreg::method::{Consensus, Register};
@@ -73,13 +73,23 @@ pub struct Consensus {
     /// Poses of matches are exactly the best allowed; on the surfaces the nearest allowed pose
     /// is taken after each step.
     pub prior: Prior,
+    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, as
+    /// [`Describe::joined`](super::Describe::joined) says; default none. They find matches and
+    /// count where surfaces look alike; the pose is settled on the shape alone.
+    pub channels: Vec<Channel>,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
 impl Default for Consensus {
     fn default() -> Self {
-        Consensus { voxel: None, seeds: 200, prior: Prior::default(), threads: 0 }
+        Consensus {
+            voxel: None,
+            seeds: 200,
+            prior: Prior::default(),
+            channels: Vec::new(),
+            threads: 0,
+        }
     }
 }
 
@@ -144,6 +154,7 @@ impl Consensus {
         if self.seeds == 0 {
             return Err(Error::config("seeds", 0, "must be at least 1"));
         }
+        self.channels.iter().try_for_each(Channel::validate)?;
         self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
@@ -186,7 +197,7 @@ impl Consensus {
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
-            par::both(named, |(cloud, name)| Scan::new(cloud, length, name))
+            par::both(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
         })?;
         let attempts = config.attempts(&scans, length, times)?;
         let odds = |attempt: &Attempt| {
@@ -252,7 +263,9 @@ impl Consensus {
     ) -> Result<Attempt> {
         let [source, target] = times.time("descriptors", || {
             let seen = [(&scans[0], from), (&scans[1], onto)];
-            par::both(seen, |(scan, view)| scan.surface(view))
+            let mut surfaces = par::both(seen, |(scan, view)| scan.surface(view))?;
+            Surface::compare(&mut surfaces, &self.channels)?;
+            Ok::<_, Error>(surfaces)
         })?;
         let matches = times.time("matches", || matched(&source, &target, length))?;
         let found = times.time("hypotheses", || matches.hypotheses(self.seeds, &self.prior));

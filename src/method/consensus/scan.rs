@@ -9,6 +9,7 @@ use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
+use crate::method::channels::{Channel, Compared, joined, values_of};
 use crate::moments::Described;
 use crate::normals::{self, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors, SearchTree};
@@ -55,6 +56,8 @@ pub(super) struct Scan<'a> {
     thin: PointCloud,
     /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
     weights: Option<Vec<f32>>,
+    /// Values by which points are compared too, channel by channel.
+    channels: Vec<Vec<f32>>,
     neighbors: Neighbors,
     /// Of either sign.
     normals: Vec<[f32; 3]>,
@@ -90,6 +93,8 @@ pub(super) struct Surface {
     /// Unit vectors.
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) descriptors: Descriptors,
+    /// Beside the descriptors until they are [`compared`](Self::compare).
+    channels: Vec<Vec<f32>>,
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
     pub(super) tree: SearchTree,
@@ -98,8 +103,14 @@ pub(super) struct Surface {
 }
 
 impl<'a> Scan<'a> {
-    /// Thins `whole` to about one point per cube of side `length`; `name` is what errors call it.
-    pub(super) fn new(whole: Whole<'a>, length: f64, name: &str) -> Result<Self> {
+    /// Thins `whole` to about one point per cube of side `length`, to be compared by `channels`
+    /// too; `name` is what errors call it.
+    pub(super) fn new(
+        whole: Whole<'a>,
+        length: f64,
+        channels: &[Channel],
+        name: &str,
+    ) -> Result<Self> {
         let cloud = whole.cloud.as_ref();
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
@@ -118,11 +129,13 @@ impl<'a> Scan<'a> {
             let what = format!("{name}, thinned to {length:e} as both are (have they one unit?),");
             return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
         }
+        let values = values_of(channels, &thin, name)?;
+        let channels = values.into_iter().map(<[f32]>::to_vec).collect();
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
         let glance = OnceLock::new();
-        Ok(Scan { whole, thin, weights, neighbors, normals, length, glance })
+        Ok(Scan { whole, thin, weights, channels, neighbors, normals, length, glance })
     }
 
     pub(super) fn whole(&self) -> &PointCloud {
@@ -193,13 +206,15 @@ impl<'a> Scan<'a> {
             }
             View::Guess(_) | View::Outward => None,
         };
+        let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
             tree: SearchTree::new(&points)?,
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
             descriptors: descriptors.select(&defined),
-            weights: self.weights.as_ref().map(|own| defined.iter().map(|&i| own[i]).collect()),
+            channels: self.channels.iter().map(|own| at_points(own)).collect(),
+            weights: self.weights.as_ref().map(|own| at_points(own)),
             seen,
             oriented_by,
         })
@@ -261,6 +276,21 @@ impl Surface {
         self.weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
     }
 
+    /// Puts the values of `channels` beside the descriptors of both.
+    pub(super) fn compare(sides: &mut [Surface; 2], channels: &[Channel]) -> Result<()> {
+        if channels.is_empty() {
+            return Ok(());
+        }
+        let compared = sides
+            .each_ref()
+            .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
+        let joined = joined(channels, HistogramScale::Open3d, compared)?;
+        for (side, descriptors) in sides.iter_mut().zip(joined) {
+            side.descriptors = descriptors;
+        }
+        Ok(())
+    }
+
     /// One side of a full connection.
     pub(super) fn described(&self) -> Described<'_> {
         Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
@@ -281,8 +311,9 @@ mod tests {
         // As heavy as they lie far to the right: at 29.5 in the mean.
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
-        let surface =
-            |cloud| Scan::new(Whole::of(cloud), 3.0, "it").unwrap().surface(View::Outward).unwrap();
+        let surface = |cloud| {
+            Scan::new(Whole::of(cloud), 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+        };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);
         for i in 0..heavy.len() {

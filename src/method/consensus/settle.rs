@@ -165,7 +165,7 @@ mod tests {
         };
         let (source, target) = (bumps(0.0), bumps(0.4));
         let surface = |cloud: &PointCloud| {
-            Scan::new(Whole::of(cloud), 1.0, "it").unwrap().surface(View::Outward).unwrap()
+            Scan::new(Whole::of(cloud), 1.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
         let ends = [&surface(&source), &surface(&target)];
         // The identity between the clouds' own frames, in local ones.

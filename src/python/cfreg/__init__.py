@@ -60,6 +60,7 @@ from .methods import (
     TEASER,
     Consensus,
     Method,
+    judge,
     method,
     register,
 )
@@ -74,7 +75,6 @@ from .results import (
     TruthError,
     Verdict,
     evaluate,
-    judge,
 )
 
 __all__ = [

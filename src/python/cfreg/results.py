@@ -15,7 +15,7 @@ from . import _interop, _native
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["Doubt", "Evaluation", "PoseCovariance", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate", "judge"]
+__all__ = ["Doubt", "Evaluation", "PoseCovariance", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -199,39 +199,6 @@ class Verdict:
             runner_up,
             None if facts["covariance"] is None else PoseCovariance._of(facts["covariance"]),
         )
-
-
-def judge(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -> Verdict:
-    """Whether a pose is right, whoever found it: the verdict of "consensus" on it.
-
-    Searches as that method does, and looks at the pose beside what it finds: another one that is
-    more probable is the `runner_up`.
-
-    Parameters
-    ----------
-    source, target : see `cfreg.register`
-    transform : (4, 4), maps source points into the frame of the target; or a Registration
-    settings : those of `cfreg.Consensus`
-
-    Returns
-    -------
-    Verdict
-
-    Raises
-    ------
-    SettingError : no rigid matrix, or a setting out of its range
-    Error : those of `cfreg.register`
-
-    Examples
-    --------
-    >>> import cfreg
-    >>> source, target = cfreg.read("source.pcd"), cfreg.read("target.pcd")  # doctest: +SKIP
-    >>> found = cfreg.register(source, target, method="cf")  # doctest: +SKIP
-    >>> cfreg.judge(source, target, found).decision  # doctest: +SKIP
-    'accept'
-    """
-    told = _native.judge(source, target, transform, _interop.to_json(settings))
-    return Verdict._of(json.loads(told))
 
 
 class Registration:

@@ -20,14 +20,14 @@ import numpy as np
 from .. import _native
 from ..results import Registration
 from .base import Method, Refinements, Starting
-from .by_consensus import Consensus
+from .by_consensus import Consensus, judge
 from .by_descriptor import CF, CFK, TEASER
 from .by_position import CPD, DARE, ICP, KC
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "method", "register"]
+__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "judge", "method", "register"]
 
 METHODS: Mapping[str, Callable[..., Method]] = {
     "consensus": Consensus,
@@ -107,7 +107,7 @@ def register(
     initial : (4, 4) pose to start from, for the methods that start from one
     matches : (K, 2) rows of source and target, for "teaser"
     settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
-        explain: of "consensus" voxel, seeds; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
+        explain: of "consensus" voxel, seeds, channels; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
         normal_neighbors, more_neighbors, orientation, histogram; threads
 
     Returns

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from .. import _native
 from ..prior import Prior
+from ..results import Verdict
 from .base import Method
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -20,6 +27,8 @@ class Consensus(Method):
         the cloud where it is longer
     seeds : matches from which a pose is sought, at least 1; more find smaller overlaps
     prior : cfreg.Prior, what is known of the pose beforehand
+    channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
+        a share: 1, the default, matters as much as the whole shape
 
     >>> import cfreg
     >>> cfreg.Consensus().voxel is None
@@ -30,4 +39,37 @@ class Consensus(Method):
     voxel: float | None = None
     seeds: int = 200
     prior: Prior | None = None
+    channels: str | Sequence[str] = ()
     threads: int = 0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.channels, list):  # tuples compare, and cannot be changed later
+            object.__setattr__(self, "channels", tuple(self.channels))
+        super().__post_init__()
+
+    def judge(self, source: Any, target: Any, transform: npt.ArrayLike) -> Verdict:
+        """Whether a pose is right, whoever found it.
+
+        Searches as `register` does, and looks at the pose beside what is found: another one that
+        is more probable is the `runner_up`. A pose is as good as the one that it settles on, if
+        that is the same to within three lengths.
+
+        source, target : as for `register`
+        transform : (4, 4), maps source points into the frame of the target; or a Registration
+
+        Raises RegistrationError as `register` does, SettingError for what is no rigid matrix.
+        """
+        told = _native.judge(source, target, transform, self._named()[1])
+        return Verdict._of(json.loads(told))
+
+
+def judge(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -> Verdict:
+    """Whether a pose is right, whoever found it: `Consensus(**settings).judge`.
+
+    >>> import cfreg, numpy as np
+    >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
+    >>> cloud = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
+    >>> cfreg.judge(cloud, cloud + [3, 4, 5], np.eye(4)).decision
+    'reject'
+    """
+    return Consensus(**settings).judge(source, target, transform)
