@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::options::Thinning;
-use super::{Outcome, print, print_json};
+use super::{Outcome, print, print_json, thinning};
 use crate::error::Result;
+use crate::filter::Thinning;
 use crate::io;
 use crate::quality::{self, Judgement};
 
@@ -37,8 +37,8 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
-        let source = self.thinning.read(&self.source, 0)?;
-        let target = self.thinning.read(&self.target, 1)?;
+        let source = thinning::read(&self.source, &self.thinning, 0)?;
+        let target = thinning::read(&self.target, &self.thinning, 1)?;
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         if self.json {

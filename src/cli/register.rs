@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{MethodOptions, Thinning};
-use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
+use super::options::MethodOptions;
+use super::{Outcome, matrix_text, outputs, print, print_json, progress, say, thinning};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
+use crate::filter::Thinning;
 use crate::method::{Method, Register as _, Registration};
 use crate::{io, par};
 
@@ -57,8 +58,8 @@ impl Register {
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
             let start = std::time::Instant::now();
-            let source = thinning.read(&self.source, 0)?;
-            let target = thinning.read(&self.target, 1)?;
+            let source = thinning::read(&self.source, &thinning, 0)?;
+            let target = thinning::read(&self.target, &thinning, 1)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             registration.time_s.0.insert(0, ("read", seconds));
