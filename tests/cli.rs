@@ -172,6 +172,26 @@ fn the_pose_is_written_read_and_judged() {
 fn settings_reach_the_method() {
     let folder = demo();
     let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
+#[test]
+fn viewpoints_are_the_files_the_zero_or_unknown() {
+    let folder = demo();
+    // A format that keeps none, and one that does.
+    assert_eq!(code(&cfreg(folder.path(), "convert pair/source.pcd source.ply")), 0);
+    let oriented_by = |viewpoints: &str| {
+        let line = format!("register source.ply pair/target.pcd --method cf --json {viewpoints}");
+        let output = cfreg(folder.path(), &line);
+        let answer: Value = serde_json::from_slice(&output.stdout).expect(&stderr(&output));
+        let by = |side: &str| answer["points"][side]["oriented_by"].as_str().unwrap().to_string();
+        [by("source"), by("target"), answer["viewpoints"].as_str().unwrap().to_string()]
+    };
+    assert_eq!(oriented_by(""), ["frame-origin", "cloud-viewpoint", "file"]);
+    let origin = oriented_by("--viewpoints origin");
+    assert_eq!(origin, ["cloud-viewpoint", "cloud-viewpoint", "origin"]);
+    assert_eq!(oriented_by("--viewpoints none"), ["frame-origin", "frame-origin", "none"]);
+    let refused = cfreg(folder.path(), &format!("{PAIR} --viewpoints sensor"));
+    assert!(code(&refused) == 2 && stderr(&refused).contains("file, origin, none"));
+}
+
         --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
     let output = cfreg(folder.path(), &format!("{PAIR} --method cf --json {settings}"));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();

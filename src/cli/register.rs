@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::options::MethodOptions;
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, say, thinning};
-use crate::cloud::PointCloud;
+use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::method::{Method, Register as _, Registration};
@@ -23,6 +23,10 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Thinning,
+    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
+    /// each file's frame, where it says nothing), none (unknown)
+    #[arg(long, value_name = "WHERE", default_value_t)]
+    viewpoints: Viewpoints,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
@@ -42,6 +46,7 @@ struct Answer<'a> {
     source: String,
     target: String,
     thinning: &'a Thinning,
+    viewpoints: Viewpoints,
 }
 
 impl Register {
@@ -58,8 +63,9 @@ impl Register {
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
             let start = std::time::Instant::now();
-            let source = thinning::read(&self.source, &thinning, 0)?;
-            let target = thinning::read(&self.target, &thinning, 1)?;
+            let read =
+                |path, stream| self.viewpoints.apply(thinning::read(path, &thinning, stream)?);
+            let (source, target) = (read(&self.source, 0)?, read(&self.target, 1)?);
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             registration.time_s.0.insert(0, ("read", seconds));
@@ -87,6 +93,7 @@ impl Register {
                 source: self.source.display().to_string(),
                 target: self.target.display().to_string(),
                 thinning: &self.thinning,
+                viewpoints: self.viewpoints,
             })?;
         } else {
             say(&summary(&registration));
@@ -100,7 +107,7 @@ impl Register {
 fn advice(registration: &Registration) -> &'static str {
     match &registration.config {
         Method::Consensus(_) => {
-            "--set seeds=1000, another --voxel, or files that tell the sensor's place (VIEWPOINT of PCD)"
+            "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
