@@ -102,7 +102,10 @@ fn a_benchmark_counts_right_poses() {
         titles.join(","),
         numbers.join(",")
     );
-    std::fs::write(folder.path().join("list.csv"), list).unwrap();
+    std::fs::write(folder.path().join("list.csv"), &list).unwrap();
+    // Poses of another pair.
+    let others = list.replace("pair/source.pcd,", "source.pcd,");
+    std::fs::write(folder.path().join("others.csv"), others).unwrap();
     let line =
         "benchmark list.csv --method consensus --method cf+icp --rule relative --output rows.csv";
     let output = cfreg(folder.path(), line);
@@ -136,6 +139,7 @@ fn a_benchmark_counts_right_poses() {
         ("benchmark list.csv --method icp --figure told", "no method told a probability"),
         ("benchmark list.csv --figure elsewhere/told", "does not exist"),
         ("benchmark list.csv --rule near", "outdoor-coarse"),
+        ("benchmark list.csv --poses others.csv", "others.csv, line 2: no listed pair"),
         ("benchmark list.csv --output list.csv", "overwrite"),
         ("benchmark list.csv --folder elsewhere", "elsewhere"),
         ("benchmark list.csv --output rows.csv --seed 5", "other settings"),
@@ -169,10 +173,6 @@ fn the_pose_is_written_read_and_judged() {
 }
 
 #[test]
-fn settings_reach_the_method() {
-    let folder = demo();
-    let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
-#[test]
 fn viewpoints_are_the_files_the_zero_or_unknown() {
     let folder = demo();
     // A format that keeps none, and one that does.
@@ -192,6 +192,10 @@ fn viewpoints_are_the_files_the_zero_or_unknown() {
     assert!(code(&refused) == 2 && stderr(&refused).contains("file, origin, none"));
 }
 
+#[test]
+fn settings_reach_the_method() {
+    let folder = demo();
+    let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
         --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
     let output = cfreg(folder.path(), &format!("{PAIR} --method cf --json {settings}"));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 pub use list::Pair;
-pub use others::judge;
+pub use others::Poses;
 pub use rule::Rule;
 
 pub use crate::cloud::Viewpoints;
