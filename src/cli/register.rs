@@ -125,8 +125,8 @@ pub(super) fn summary(registration: &Registration) -> String {
     let points = r.points;
     let verdict = r.verdict.as_ref().map_or_else(String::new, |verdict| {
         let reasons = verdict.reasons.join("; ");
-        let decision = format!("{:?}", verdict.decision).to_lowercase();
-        format!("{decision}: right with probability {:.3}; {reasons}\n", verdict.probability)
+        let (decision, probability) = (verdict.decision, verdict.probability);
+        format!("{decision}: right with probability {probability:.3}; {reasons}\n")
     });
     format!(
         "{verdict}{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\

@@ -1,5 +1,7 @@
 //! Whether to take an answer.
 
+use std::fmt;
+
 use serde::Serialize;
 
 use super::PoseCovariance;
@@ -22,6 +24,16 @@ pub enum Decision {
     Ambiguous,
     /// It is probably wrong; the clouds may show nothing in common.
     Reject,
+}
+
+impl fmt::Display for Decision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Decision::Accept => "accept",
+            Decision::Ambiguous => "ambiguous",
+            Decision::Reject => "reject",
+        })
+    }
 }
 
 /// Another pose that would do.
@@ -133,6 +145,13 @@ mod tests {
         // Of both one at most is right, and nothing tells which.
         assert_eq!(told(1.0, 1.0), (0.5, 0.5, Decision::Ambiguous));
         assert_eq!(told(0.0, 1.0), (0.0, 1.0, Decision::Reject));
+    }
+
+    #[test]
+    fn decisions_are_words_as_in_json() {
+        for decision in [Decision::Accept, Decision::Ambiguous, Decision::Reject] {
+            assert_eq!(serde_json::to_value(decision).unwrap(), decision.to_string());
+        }
     }
 
     #[test]
