@@ -5,11 +5,43 @@ use std::collections::{HashMap, HashSet};
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::search;
+
+/// How many points of a cloud are used.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Thinning {
+    /// Side of the cubes of which one point (the mean) is kept, in the cloud's unit.
+    pub voxel: Option<f64>,
+    /// Points that are kept, drawn at random after that.
+    pub sample: Option<usize>,
+    /// Seed of the draw.
+    pub seed: u64,
+}
+
+impl Thinning {
+    /// Thins a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
+    /// the source, 1 for the target).
+    ///
+    /// # Errors
+    /// Those of [`voxel_grid`]; [`Error::Config`] for a sample of 0.
+    pub fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
+        if let Some(size) = self.voxel {
+            cloud = voxel_grid(&cloud, size)?;
+        }
+        if let Some(count) = self.sample {
+            if count == 0 {
+                return Err(Error::config("sample", 0, "must be at least 1"));
+            }
+            cloud = sample(&cloud, count, self.seed.wrapping_mul(2).wrapping_add(stream));
+        }
+        Ok(cloud)
+    }
+}
 
 /// One point per occupied cube of side `size`: the mean of the points (and normals, and
 /// channels) in it, cubes in the order of their first point. Where points have weights these are

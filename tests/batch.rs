@@ -193,18 +193,23 @@ fn lists_and_outputs_that_will_not_do_are_named() {
     done(path, &format!("{RUN} -o whole.parquet"));
     let whole = fs::read(path.join("whole.parquet")).unwrap();
     fs::write(path.join("half.parquet"), &whole[..whole.len() / 2]).unwrap();
-    refused(path, "batch none.csv -o rows.csv", "none.csv");
-    refused(path, "batch . -o rows.csv", "directory");
-    refused(path, "batch columns.csv -o rows.csv", "no column target");
-    refused(path, "batch empty.csv -o rows.csv", "no pair");
-    refused(path, "batch cut.csv -o rows.csv", "line 3");
-    refused(path, "batch cut.parquet -o rows.csv", "is not Parquet");
-    refused(path, "batch half.parquet -o rows.csv", "is not Parquet");
-    refused(path, "batch pairs.csv -o rows.txt", ".parquet");
-    refused(path, "batch pairs.csv -o none/rows.csv", "folder does not exist");
-    refused(path, "batch pairs.csv -o pairs.csv", "overwrite an input");
-    refused(path, "batch pairs.csv -o rows.csv --method nonsense", "nonsense");
-    refused(path, "batch pairs.csv -o rows.csv --memory lots", "number of bytes");
+    let wrong = [
+        ("none.csv -o rows.csv", "none.csv"),
+        (". -o rows.csv", "directory"),
+        ("columns.csv -o rows.csv", "no column target"),
+        ("empty.csv -o rows.csv", "no pair"),
+        ("cut.csv -o rows.csv", "line 3"),
+        ("cut.parquet -o rows.csv", "is not Parquet"),
+        ("half.parquet -o rows.csv", "is not Parquet"),
+        ("pairs.csv -o rows.txt", ".parquet"),
+        ("pairs.csv -o none/rows.csv", "folder does not exist"),
+        ("pairs.csv -o pairs.csv", "overwrite an input"),
+        ("pairs.csv -o rows.csv --method nonsense", "nonsense"),
+        ("pairs.csv -o rows.csv --memory lots", "number of bytes"),
+    ];
+    for (line, words) in wrong {
+        refused(path, &format!("batch {line}"), words);
+    }
     assert!(!path.join("rows.csv.part").exists());
 }
 

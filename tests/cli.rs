@@ -102,7 +102,10 @@ fn a_benchmark_counts_right_poses() {
         titles.join(","),
         numbers.join(",")
     );
-    std::fs::write(folder.path().join("list.csv"), list).unwrap();
+    std::fs::write(folder.path().join("list.csv"), &list).unwrap();
+    // Poses of another pair.
+    let others = list.replace("pair/source.pcd,", "source.pcd,");
+    std::fs::write(folder.path().join("others.csv"), others).unwrap();
     let line =
         "benchmark list.csv --method consensus --method cf+icp --rule relative --output rows.csv";
     let output = cfreg(folder.path(), line);
@@ -136,6 +139,7 @@ fn a_benchmark_counts_right_poses() {
         ("benchmark list.csv --method icp --figure told", "no method told a probability"),
         ("benchmark list.csv --figure elsewhere/told", "does not exist"),
         ("benchmark list.csv --rule near", "outdoor-coarse"),
+        ("benchmark list.csv --poses others.csv", "others.csv, line 2: no listed pair"),
         ("benchmark list.csv --output list.csv", "overwrite"),
         ("benchmark list.csv --folder elsewhere", "elsewhere"),
         ("benchmark list.csv --output rows.csv --seed 5", "other settings"),
@@ -191,6 +195,26 @@ fn a_verdict_is_told_of_any_pose_and_method() {
         assert_eq!(found["verdict"].get("decision").unwrap_or(&Value::Null), &decision);
         assert_eq!(found["time_s"].get("verdict").is_some(), !line.is_empty());
     }
+}
+
+#[test]
+fn viewpoints_are_the_files_the_zero_or_unknown() {
+    let folder = demo();
+    // A format that keeps none, and one that does.
+    assert_eq!(code(&cfreg(folder.path(), "convert pair/source.pcd source.ply")), 0);
+    let oriented_by = |viewpoints: &str| {
+        let line = format!("register source.ply pair/target.pcd --method cf --json {viewpoints}");
+        let output = cfreg(folder.path(), &line);
+        let answer: Value = serde_json::from_slice(&output.stdout).expect(&stderr(&output));
+        let by = |side: &str| answer["points"][side]["oriented_by"].as_str().unwrap().to_string();
+        [by("source"), by("target"), answer["viewpoints"].as_str().unwrap().to_string()]
+    };
+    assert_eq!(oriented_by(""), ["frame-origin", "cloud-viewpoint", "file"]);
+    let origin = oriented_by("--viewpoints origin");
+    assert_eq!(origin, ["cloud-viewpoint", "cloud-viewpoint", "origin"]);
+    assert_eq!(oriented_by("--viewpoints none"), ["frame-origin", "frame-origin", "none"]);
+    let refused = cfreg(folder.path(), &format!("{PAIR} --viewpoints sensor"));
+    assert!(code(&refused) == 2 && stderr(&refused).contains("file, origin, none"));
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod common;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
+use cfreg::pose::{Near, Prior};
 use cfreg::quality::Doubt;
 use cfreg::{Error, PointCloud, Transform, math, quality};
 use common::compare::poses_differ_by;
@@ -140,9 +141,16 @@ proptest! {
     fn the_likelihood_never_falls(
         vector in proptest::array::uniform3(-2.0..2.0f64), seed in 0..100u64,
         density_neighbors in prop_oneof![Just(0), 3..30usize], outlier_ratio in 1e-4..0.5f64,
+        known in 0..4,
     ) {
         let (source, target, _) = pair(vector, seed);
-        let settings = Dare { trace: true, density_neighbors, outlier_ratio, ..dare() };
+        let near = Near { vector: [0.3, -0.2, 0.1], within_deg: 30.0 };
+        let prior = Prior {
+            direction: Some([[0.0, 0.0, 1.0]; 2]).filter(|_| known & 1 > 0),
+            rotation: Some(near).filter(|_| known & 2 > 0),
+            ..Prior::default()
+        };
+        let settings = Dare { trace: true, density_neighbors, outlier_ratio, prior, ..dare() };
         let found = register(&settings, &source, &target);
         prop_assert_eq!(found.trace.len(), found.iterations as usize);
         for step in found.trace.windows(2) {

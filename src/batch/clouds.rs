@@ -4,42 +4,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use serde::Serialize;
-
 use crate::cloud::PointCloud;
-use crate::error::{Error, Result};
-use crate::{filter, io};
-
-/// How clouds are thinned when they are read.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Thinning {
-    /// Side of the cubes of which one point (the mean) is kept, in the clouds' unit.
-    pub voxel: Option<f64>,
-    /// Points that are kept, drawn at random after that.
-    pub sample: Option<usize>,
-    /// Seed of the draw.
-    pub seed: u64,
-}
-
-impl Thinning {
-    /// Thins a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
-    /// the source, 1 for the target).
-    ///
-    /// # Errors
-    /// Those of [`filter::voxel_grid`]; [`Error::Config`] for a sample of 0.
-    pub fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
-        if let Some(size) = self.voxel {
-            cloud = filter::voxel_grid(&cloud, size)?;
-        }
-        if let Some(count) = self.sample {
-            if count == 0 {
-                return Err(Error::config("sample", 0, "must be at least 1"));
-            }
-            cloud = filter::sample(&cloud, count, self.seed.wrapping_mul(2).wrapping_add(stream));
-        }
-        Ok(cloud)
-    }
-}
+use crate::filter::Thinning;
+use crate::io;
 
 /// Clouds that were read, the least recently used given up first.
 pub(super) struct Clouds {

@@ -28,9 +28,10 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-pub use clouds::Thinning;
 pub use list::List;
 pub use row::Row;
+
+pub use crate::filter::Thinning;
 
 use self::clouds::Clouds;
 use self::journal::Journal;

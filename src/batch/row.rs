@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::cloud::Transform;
 use crate::method::Registration;
-use crate::quality::{Decision, PoseCovariance};
+use crate::quality::PoseCovariance;
 
 /// One pair: its pose, and how far to trust it. What a method does not tell is `None`, an empty
 /// cell in CSV and null in JSON Lines and Parquet; a pair without an answer has `index`,
@@ -83,7 +83,7 @@ impl Row {
         self.trusted = Some(found.trusted);
         self.doubts = Some(doubts.join("; ")).filter(|words| !words.is_empty());
         if let Some(verdict) = &found.verdict {
-            self.decision = Some(decision(verdict.decision).into());
+            self.decision = Some(verdict.decision.to_string());
             self.probability = finite(verdict.probability);
             self.overlap = finite(verdict.overlap);
             self.reasons = Some(verdict.reasons.join("; ")).filter(|words| !words.is_empty());
@@ -201,14 +201,6 @@ impl Serialize for Flat<'_> {
 /// JSON, in which rows are kept, has neither NaN nor infinity.
 fn finite(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
-}
-
-fn decision(decision: Decision) -> &'static str {
-    match decision {
-        Decision::Accept => "accept",
-        Decision::Ambiguous => "ambiguous",
-        Decision::Reject => "reject",
-    }
 }
 
 fn entries(transform: &Transform) -> [f64; 16] {

@@ -6,10 +6,11 @@ use std::time::Duration;
 use clap::Args;
 use indicatif::ProgressStyle;
 
-use super::options::{MethodOptions, Thinning};
+use super::options::MethodOptions;
 use super::{Outcome, outputs, progress, say};
 use crate::batch::{self, List, Start};
 use crate::error::{Error, Result};
+use crate::filter::Thinning;
 use crate::par::Interrupt;
 
 /// Ends with exit status 0 once every pair has its row, those without an answer too; 130 when
@@ -55,7 +56,7 @@ impl Batch {
         let own = self.pairs.parent().unwrap_or(Path::new(""));
         let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
         let mut batch = batch::Batch::new(&method, &method);
-        batch.thinning = thinning.plain();
+        batch.thinning = thinning;
         batch.threads = self.method.threads.unwrap_or(0);
         batch.memory = self.memory;
         batch.time_limit = self.time_limit;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{Outcome, outputs, print, progress};
+use crate::cloud::Viewpoints;
 use crate::error::Result;
-use crate::experiment::benchmark::{self, Rule, Settings, Viewpoints, list, reliability, report};
+use crate::experiment::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
 use crate::par;
 
 #[derive(Args)]
@@ -22,7 +23,8 @@ pub(super) struct Benchmark {
     #[arg(long, value_name = "METHOD", default_value = "consensus")]
     method: Vec<String>,
     /// Poses that other programs found, to be judged beside: CSV with the columns method, source,
-    /// target (as in the list), t00 to t33 and, if known, seconds and accepted
+    /// target (as in the list), t00 to t33 and, if known, seconds and accepted; a row of no
+    /// pair that is listed is refused
     #[arg(long, value_name = "POSES.csv")]
     poses: Vec<PathBuf>,
     /// Rows as CSV; a run that was cut short goes on from what is there
@@ -78,6 +80,7 @@ impl Benchmark {
             let own = path.parent().unwrap_or(Path::new(""));
             pairs.extend(list::read(path, self.folder.as_deref().unwrap_or(own))?);
         }
+        let poses = self.poses(&pairs)?;
         let pairs: Vec<_> = pairs.into_iter().step_by(self.every as usize).collect();
         let settings = Settings {
             moved: !self.as_they_stand,
@@ -103,15 +106,20 @@ impl Benchmark {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
         })??;
         bar.finish_and_clear();
-        let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
-        for path in &self.poses {
-            let folder = folder.unwrap_or(Path::new(""));
-            rows.extend(benchmark::judge(path, folder, &pairs, settings)?);
+        for poses in poses {
+            rows.extend(poses.judge(&pairs, settings)?);
         }
         print(&report::markdown(&rows))?;
         if let Some(stem) = &self.figure {
             reliability::figure(&rows)?.save(stem)?;
         }
         Ok(Outcome::Trusted)
+    }
+
+    /// What other programs found for the pairs of the lists.
+    fn poses(&self, listed: &[Pair]) -> Result<Vec<Poses>> {
+        let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
+        let read = |path: &PathBuf| Poses::read(path, folder.unwrap_or(Path::new("")), listed);
+        self.poses.iter().map(read).collect()
     }
 }

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::Thinning;
-use super::{Outcome, outputs, print, print_json, say};
+use super::{Outcome, outputs, print, print_json, say, thinning};
 use crate::error::Result;
+use crate::filter::Thinning;
 use crate::{io, search};
 
 #[derive(Args)]
@@ -113,7 +113,7 @@ impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
         outputs::check(&[&self.input], &[("output", Some(&self.output))])?;
-        let mut cloud = self.thinning.read(&self.input, 0)?;
+        let mut cloud = thinning::read(&self.input, &self.thinning, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::Thinning;
-use super::{Outcome, print, print_json};
+use super::{Outcome, print, print_json, thinning};
+use crate::cloud::Viewpoints;
 use crate::error::Result;
+use crate::filter::Thinning;
 use crate::io;
 use crate::method::Consensus;
 use crate::quality::{self, Decision, Judgement, Verdict};
@@ -34,6 +35,10 @@ pub(super) struct Evaluate {
     /// which other one is more probable; exit code 0 only for accept
     #[arg(long)]
     verdict: bool,
+    /// Where the sensors stood, for the verdict: file (where the files say, if they do), origin
+    /// (at the zero of each file's frame, where it says nothing), none (unknown)
+    #[arg(long, value_name = "WHERE", default_value_t)]
+    viewpoints: Viewpoints,
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -52,8 +57,9 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
-        let source = self.thinning.read(&self.source, 0)?;
-        let target = self.thinning.read(&self.target, 1)?;
+        let read =
+            |path, stream| self.viewpoints.apply(thinning::read(path, &self.thinning, stream)?);
+        let (source, target) = (read(&self.source, 0)?, read(&self.target, 1)?);
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         let judge = Consensus::default();

@@ -11,6 +11,7 @@ mod options;
 mod outputs;
 mod register;
 mod reproduce;
+mod thinning;
 mod trials;
 
 use std::io::{self, IsTerminal, Write};

@@ -1,55 +1,17 @@
 //! Options that several commands share, as they are typed.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::say;
-use crate::batch;
-use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
+use crate::filter::Thinning;
 use crate::io;
 use crate::method::{Chain, Method};
 use crate::pose::{Near, Prior, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
-
-/// How many points of a file are used.
-#[derive(Args, Clone, serde::Serialize)]
-pub(super) struct Thinning {
-    /// Keep one point (the mean) per cube of this side, in the unit of the coordinates; for
-    /// consensus the length that all others follow from
-    #[arg(long, value_name = "V", allow_negative_numbers = true)]
-    voxel: Option<f64>,
-    /// Keep this many points, drawn at random (after --voxel)
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    sample: Option<usize>,
-    /// Seed of --sample; the two clouds of a pair are drawn independently
-    #[arg(long, value_name = "S", default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
-}
-
-impl Thinning {
-    /// Reads `path` and thins it; `stream` keeps the samples of a pair independent.
-    pub(super) fn read(&self, path: &Path, stream: u64) -> Result<PointCloud> {
-        let cloud = io::read(path)?;
-        if cloud.dropped() > 0 {
-            let (path, dropped) = (path.display(), cloud.dropped());
-            let what = "points with NaN or infinite coordinates";
-            say(&format!("cfreg: {path}: left out {dropped} {what}\n"));
-        }
-        self.apply(cloud, stream)
-    }
-
-    pub(super) fn apply(&self, cloud: PointCloud, stream: u64) -> Result<PointCloud> {
-        self.plain().apply(cloud, stream)
-    }
-
-    pub(super) fn plain(&self) -> batch::Thinning {
-        batch::Thinning { voxel: self.voxel, sample: self.sample, seed: self.seed }
-    }
-}
 
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
@@ -172,12 +134,12 @@ impl MethodOptions {
     pub(super) fn with_length(&self, thinning: &Thinning) -> Result<(Chain, Thinning)> {
         let method: Method = self.method.parse()?;
         let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
-            return Ok((self.method()?, thinning.clone()));
+            return Ok((self.method()?, *thinning));
         };
         let mut options = self.clone();
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
-        Ok((options.method()?, Thinning { voxel: None, ..thinning.clone() }))
+        Ok((options.method()?, Thinning { voxel: None, ..*thinning }))
     }
 
     /// The same for pairs that run beside each other: refinements may stand after `+` in

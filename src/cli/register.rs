@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{MethodOptions, Thinning};
-use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
-use crate::cloud::PointCloud;
+use super::options::MethodOptions;
+use super::{Outcome, matrix_text, outputs, print, print_json, progress, say, thinning};
+use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
+use crate::filter::Thinning;
 use crate::method::{Consensus, Method, Register as _, Registration};
 use crate::{io, par};
 
@@ -22,6 +23,10 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Thinning,
+    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
+    /// each file's frame, where it says nothing), none (unknown)
+    #[arg(long, value_name = "WHERE", default_value_t)]
+    viewpoints: Viewpoints,
     /// A verdict on the pose of any method, by a search like that of consensus, which has one
     /// anyway
     #[arg(long)]
@@ -45,6 +50,7 @@ struct Answer<'a> {
     source: String,
     target: String,
     thinning: &'a Thinning,
+    viewpoints: Viewpoints,
 }
 
 impl Register {
@@ -61,8 +67,9 @@ impl Register {
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
             let start = std::time::Instant::now();
-            let source = thinning.read(&self.source, 0)?;
-            let target = thinning.read(&self.target, 1)?;
+            let read =
+                |path, stream| self.viewpoints.apply(thinning::read(path, &thinning, stream)?);
+            let (source, target) = (read(&self.source, 0)?, read(&self.target, 1)?);
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             if self.verdict && registration.verdict.is_none() {
@@ -93,6 +100,7 @@ impl Register {
                 source: self.source.display().to_string(),
                 target: self.target.display().to_string(),
                 thinning: &self.thinning,
+                viewpoints: self.viewpoints,
             })?;
         } else {
             say(&summary(&registration));
@@ -119,7 +127,7 @@ fn judged(
 fn advice(registration: &Registration) -> &'static str {
     match &registration.config {
         Method::Consensus(_) => {
-            "--set seeds=1000, another --voxel, or files that tell the sensor's place (VIEWPOINT of PCD)"
+            "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"

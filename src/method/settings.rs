@@ -42,7 +42,7 @@ impl Method {
             let rule = rule.strip_prefix(&said).unwrap_or(&rule).to_string();
             Error::Setting { name: name.into(), value: shown.clone(), rule }
         };
-        let (field, value) = long_form(name, value);
+        let (field, value) = long_form(name, value)?;
         let mut config = match serde_json::to_value(self) {
             Ok(Value::Object(config)) => config,
             _ => return Err(bad("the method has no settings".into())),
@@ -56,8 +56,8 @@ impl Method {
     }
 }
 
-fn long_form(name: &str, value: Value) -> (&str, Value) {
-    match name {
+fn long_form(name: &str, value: Value) -> Result<(&str, Value)> {
+    Ok(match name {
         "neighbors" => ("neighborhood", json!({ "nearest": value })),
         "radius" => ("neighborhood", json!({ "radius": value })),
         "normal_neighbors" => ("normal_neighborhood", json!({ "nearest": value })),
@@ -66,8 +66,8 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
             value => ("more_scales", json!([scale(value)])),
         },
         "channels" => match value {
-            Value::Array(all) => ("channels", all.into_iter().map(channel).collect()),
-            value => ("channels", json!([channel(value)])),
+            Value::Array(all) => ("channels", all.into_iter().map(channel).collect::<Result<_>>()?),
+            value => ("channels", json!([channel(value)?])),
         },
         "detector" => match value {
             Value::String(name) => ("keypoints", json!({ name: {} })),
@@ -76,7 +76,7 @@ fn long_form(name: &str, value: Value) -> (&str, Value) {
         "normalize" => ("normalization", value),
         "viewpoint" => ("orientation", json!({ "towards": value })),
         _ => (name, value),
-    }
+    })
 }
 
 /// `200`, or `"200:50"`: nearest points for descriptors, and for normals.
@@ -95,11 +95,14 @@ fn scale(value: Value) -> Value {
 }
 
 /// `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
-fn channel(value: Value) -> Value {
-    match value.as_str().map(|text| text.parse::<super::Channel>()) {
-        Some(Ok(channel)) => json!(channel),
-        Some(Err(error)) => json!({ "name": value, "share": error.to_string() }),
-        None => value,
+fn channel(value: Value) -> Result<Value> {
+    let Some(text) = value.as_str() else { return Ok(value) };
+    match text.parse::<super::Channel>() {
+        Ok(channel) => Ok(json!(channel)),
+        Err(Error::Config { field, rule, .. }) => {
+            Err(Error::Setting { name: field.into(), value: value.to_string(), rule })
+        }
+        Err(error) => Err(error),
     }
 }
 
@@ -169,6 +172,11 @@ mod tests {
         {
             let message = message("channels", wrong);
             assert!(message.starts_with("channels = "), "{message}");
+        }
+        // Of several the one that is wrong is named, and once.
+        for several in [json!("x:abc"), json!(["red", "x:abc"])] {
+            let rule = "channels = \"x:abc\": must be NAME or NAME:SHARE";
+            assert_eq!(message("channels", several), rule);
         }
         assert!(message("neighbors", (-1).into()).starts_with("neighbors = -1: "));
     }

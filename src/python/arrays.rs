@@ -9,17 +9,16 @@ use numpy::ndarray::{Array2, Dimension};
 use numpy::prelude::*;
 use numpy::{Element, PyArray, PyArray2, PyReadonlyArray2, PyUntypedArray, dtype};
 use pyo3::PyTypeInfo;
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
 use super::detached::detached;
-use super::errors::{SettingError, ShapeError, about, exception, non_finite};
+use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite};
 use crate::cloud::{Descriptors, Transform};
-use crate::error::Error;
+use crate::error::Error as Failure;
 use crate::math::Vec3;
 
-/// A table of numbers in row order that nobody else holds: float32 or float64.
+/// A table of numbers in row order that nobody else holds: float32 as it came, all else float64.
 pub(super) enum Table<'py> {
     F32(PyReadonlyArray2<'py, f32>),
     F64(PyReadonlyArray2<'py, f64>),
@@ -35,9 +34,7 @@ impl<'py> Table<'py> {
     ) -> PyResult<Self> {
         let Ok(array) = any.cast::<PyUntypedArray>() else {
             let class = any.get_type().name()?;
-            let message =
-                format!("{name} must be a numpy array of float32 or float64, not {class}");
-            return Err(PyTypeError::new_err(message));
+            return Err(Error::new_err(format!("{name} must be an array of numbers, not {class}")));
         };
         if !matches!(*array.shape(), [_, columns] if width.is_none_or(|width| width == columns)) {
             let width = width.map_or("D".into(), |width| width.to_string());
@@ -52,9 +49,14 @@ impl<'py> Table<'py> {
         if found.is_equiv_to(&dtype::<f64>(py)) {
             return Ok(Table::F64(own_copy(any)?));
         }
-        let message =
-            format!("{name} must be float32 or float64, not {found}: convert with astype");
-        Err(PyTypeError::new_err(message))
+        // Whole numbers and floats of other kinds; neither truth values nor complex numbers.
+        match found.kind() {
+            b'i' | b'u' | b'f' => {
+                let converted = any.call_method1("astype", ("float64", "C"))?;
+                Ok(Table::F64(converted.cast::<PyArray2<f64>>()?.try_readonly()?))
+            }
+            _ => Err(Error::new_err(format!("{name} must be numbers, not {found}"))),
+        }
     }
 
     /// Rows and columns.
@@ -166,7 +168,7 @@ pub(super) fn descriptors(
     let ([_, from], [_, to]) = (source.shape(), target.shape());
     if from != to {
         let what = "columns of target_descriptors, against source_descriptors".into();
-        return Err(exception(Error::Shape { what, expected: from, found: to }));
+        return Err(exception(Failure::Shape { what, expected: from, found: to }));
     }
     let both = match (source, target) {
         (Table::F32(source), Table::F32(target)) => {

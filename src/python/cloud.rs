@@ -23,9 +23,11 @@ use crate::{filter, search};
 ///
 /// Parameters
 /// ----------
-/// points : (N, 3) array of float32 or float64, any unit and any strides; rows with a NaN or
-///     an infinity (or a mask) are left out and counted in `dropped`. Also a point cloud or
-///     mesh of Open3D, trimesh, pyvista or small_gicp, whose normals come along
+/// points : (N, 3) numbers in any unit: an array of float32 or float64 with any strides, which
+///     is read as it is, or one of integers or other floats, or a list of rows, which become
+///     float64. Rows with a NaN or an infinity (or a mask) are left out and counted in
+///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista or small_gicp, whose
+///     normals come along
 /// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined
 /// viewpoint : three numbers in the frame of the points, where the sensor stood. Normals
 ///     that are estimated point towards it
@@ -36,7 +38,7 @@ use crate::{filter, search};
 ///
 /// Raises
 /// ------
-/// TypeError : what is no such array
+/// Error : what is no such thing
 /// ShapeError : not (N, 3), or not one normal a point
 /// ExtentError : coordinates that span more than 1e15 or less than 1e-15
 ///

@@ -25,8 +25,7 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
-///     takes; any unit
+/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
 ///     all points where there are fewer
 /// viewpoint : three numbers in the frame of the points, where the sensor stood; normals
@@ -45,7 +44,7 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 /// NonFiniteError : a row that is not finite, named
 /// ShapeError : not (N, 3)
 /// SettingError : a setting out of range
-/// TypeError : not an array of float32 or float64
+/// Error : not an array or list of numbers
 ///
 /// Examples
 /// --------
@@ -74,11 +73,10 @@ pub(super) fn estimate_normals<'py>(
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
-///     takes; any unit
+/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
 /// detector : "sift", extrema of a number a point over place and scale, or "iss",
 ///     intrinsic shape signatures
-/// values : (N,) float32 or float64, the number a point that SIFT looks at. None: the
+/// values : (N,) numbers, one a point, that SIFT looks at. None: the
 ///     curvature that estimate_normals finds with 150 neighbors
 /// settings : of the detector, by name: for "sift" unit, min_scale, octaves, scales and
 ///     min_contrast, for "iss" unit, salient_radius, non_max_radius, gamma21, gamma32 and
@@ -93,7 +91,7 @@ pub(super) fn estimate_normals<'py>(
 /// NonFiniteError : a row that is not finite, named
 /// ShapeError : not (N, 3)
 /// SettingError : a setting out of range
-/// TypeError : not an array of float32 or float64
+/// Error : not an array or list of numbers
 ///
 /// Examples
 /// --------
@@ -139,14 +137,13 @@ pub(super) fn keypoints<'py>(
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) array of float32 or float64, or whatever else PointCloud
-///     takes; any unit
+/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
 ///     all points where there are fewer
 /// scale : "pcl", three blocks of 11 bins that sum to 100 each (what PCL computes), or
 ///     "open3d", blocks that sum to 200 (what Open3D computes)
 /// viewpoint : see estimate_normals; only without normals
-/// normals : (N, 3) float32 or float64, oriented; scaled to unit length, zero means
+/// normals : (N, 3) numbers, oriented; scaled to unit length, zero means
 ///     undefined. None: estimated over the same neighbourhoods
 ///
 /// Returns
@@ -159,7 +156,7 @@ pub(super) fn keypoints<'py>(
 /// NonFiniteError : a row that is not finite, named
 /// ShapeError : not (N, 3), or not one normal a point
 /// SettingError : a setting out of range; normals and a viewpoint at once
-/// TypeError : not an array of float32 or float64
+/// Error : not an array or list of numbers
 ///
 /// Examples
 /// --------

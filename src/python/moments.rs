@@ -10,7 +10,7 @@ use super::any_cloud::AnyCloud;
 use super::arrays::{as_array, column_for, descriptors, pose, read_only, table, table_for};
 use super::detached::detached;
 use super::doorway::{released, released_on};
-use super::errors::{SettingError, ShapeError, about, count, exception};
+use super::errors::{self, SettingError, ShapeError, about, count, exception};
 use super::foreign::BadRows;
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
@@ -134,10 +134,10 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 ///
 /// Parameters
 /// ----------
-/// source_points, target_points : PointCloud, array (N, 3) and (M, 3) of float32 or float64,
-///     or whatever else PointCloud takes
-/// source_descriptors, target_descriptors : (N, D) and (M, D), float32 or float64, of any
-///     kind; fpfh() makes one
+/// source_points, target_points : PointCloud, (N, 3) and (M, 3) numbers, or whatever else
+///     PointCloud takes
+/// source_descriptors, target_descriptors : (N, D) and (M, D) numbers, of any kind; fpfh()
+///     makes one
 /// weights : kernel of the squared distance d^2: "gaussian" exp(-d^2/beta), "laplacian",
 ///     "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"; a kernel
 ///     of cfreg.weights, or several put together; or any function that is given a float32
@@ -166,7 +166,7 @@ fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 /// NonFiniteError : a row that is not finite, named
 /// ShapeError : not (N, 3), or not one descriptor a point
 /// SettingError : a setting out of range
-/// TypeError : not an array of float32 or float64
+/// Error : not an array or list of numbers
 ///
 /// Examples
 /// --------
@@ -262,8 +262,8 @@ fn bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
 /// ----------
 /// source_points, target_points : as in moments(); a PointCloud that has left out rows is
 ///     refused, for its rows are others
-/// pairs : (K, 2) array of integers, a row of source_points and one of target_points each
-/// weights : (K,) array of float32 or float64, finite and not negative. None: all 1
+/// pairs : (K, 2) integers, a row of source_points and one of target_points each
+/// weights : (K,) numbers, finite and not negative. None: all 1
 ///
 /// Returns
 /// -------
@@ -273,7 +273,7 @@ fn bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
 /// ------
 /// NoWeightError : no pair, or none with any weight
 /// ShapeError : a row that is not there, or not one weight a pair
-/// NonFiniteError, SettingError, TypeError : as in moments()
+/// NonFiniteError, SettingError, Error : as in moments()
 ///
 /// Examples
 /// --------
@@ -321,7 +321,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
     if kind != "i" && kind != "u" {
         let found = array.getattr("dtype")?;
         let message = format!("{name} must be integers, not {found}");
-        return Err(PyTypeError::new_err(message));
+        return Err(errors::Error::new_err(message));
     }
     let py = any.py();
     // Whole numbers above i64's become negative there, which are no rows either.

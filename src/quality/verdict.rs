@@ -26,6 +26,16 @@ pub enum Decision {
     Reject,
 }
 
+impl fmt::Display for Decision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Decision::Accept => "accept",
+            Decision::Ambiguous => "ambiguous",
+            Decision::Reject => "reject",
+        })
+    }
+}
+
 /// Another pose that would do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RunnerUp {
@@ -67,13 +77,10 @@ impl Verdict {
         mut runner_up: Option<RunnerUp>,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let odds = |probability: f64| probability / (1.0 - probability);
-        let own = odds(probability);
-        let (alone, other) =
-            runner_up.map_or((0.0, 0.0), |other| (other.probability, odds(other.probability)));
-        let rivals = alone >= ACCEPT && other >= AMBIGUOUS * own;
+        let alone = runner_up.map_or(0.0, |other| other.probability);
+        let [shared, other] = shares(probability, alone);
+        let rivals = alone >= ACCEPT && other >= AMBIGUOUS * shared;
         let slides = covariance.as_ref().is_some_and(|known| !known.undetermined.is_empty());
-        let shared = own / (1.0 + own + other);
         let decision = if probability.is_nan() || probability < ACCEPT {
             Decision::Reject
         } else if rivals || slides || shared < ACCEPT {
@@ -82,7 +89,7 @@ impl Verdict {
             Decision::Accept
         };
         if let Some(runner_up) = &mut runner_up {
-            runner_up.probability = other / (1.0 + own + other);
+            runner_up.probability = other;
         }
         Verdict { decision, probability: shared, reasons, overlap, runner_up, covariance }
     }
@@ -91,10 +98,18 @@ impl Verdict {
 impl fmt::Display for Verdict {
     /// In a line: the decision, the probability, the reasons.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let decision = format!("{:?}", self.decision).to_lowercase();
-        let reasons = self.reasons.join("; ");
-        write!(f, "{decision}: right with probability {:.3}; {reasons}", self.probability)
+        let Verdict { decision, probability, reasons, .. } = self;
+        write!(f, "{decision}: right with probability {probability:.3}; {}", reasons.join("; "))
     }
+}
+
+/// Probabilities of two poses of which one at most is right: that of each and not the other, given
+/// that not both are.
+fn shares(first: f64, second: f64) -> [f64; 2] {
+    let alone = [first * (1.0 - second), second * (1.0 - first)];
+    let all = alone[0] + alone[1] + (1.0 - first) * (1.0 - second);
+    // Where both were certain, nothing tells which.
+    if all == 0.0 { [0.5; 2] } else { alone.map(|share| share / all) }
 }
 
 #[cfg(test)]
@@ -123,6 +138,28 @@ mod tests {
         let other = equal.runner_up.unwrap().probability;
         assert!((equal.probability - 0.4995).abs() < 1e-4 && other == equal.probability);
         assert_eq!(told(0.8, None).probability, 0.8);
+    }
+
+    #[test]
+    fn certain_poses_share_what_there_is() {
+        let told = |probability, other| {
+            let other = RunnerUp { transform: Transform::IDENTITY, probability: other };
+            let verdict = Verdict::new(probability, 0.5, Vec::new(), Some(other), None);
+            (verdict.probability, verdict.runner_up.unwrap().probability, verdict.decision)
+        };
+        assert_eq!(Verdict::new(1.0, 0.5, Vec::new(), None, None).probability, 1.0);
+        assert_eq!(told(1.0, 0.95), (1.0, 0.0, Decision::Accept));
+        assert_eq!(told(0.95, 1.0), (0.0, 1.0, Decision::Ambiguous));
+        // Of both one at most is right, and nothing tells which.
+        assert_eq!(told(1.0, 1.0), (0.5, 0.5, Decision::Ambiguous));
+        assert_eq!(told(0.0, 1.0), (0.0, 1.0, Decision::Reject));
+    }
+
+    #[test]
+    fn decisions_are_words_as_in_json() {
+        for decision in [Decision::Accept, Decision::Ambiguous, Decision::Reject] {
+            assert_eq!(serde_json::to_value(decision).unwrap(), decision.to_string());
+        }
     }
 
     #[test]

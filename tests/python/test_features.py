@@ -57,8 +57,10 @@ class Features(unittest.TestCase):
         }.items():
             with self.subTest(argument), self.assertRaisesRegex(ValueError, f"^{argument}"):
                 call()
-        with self.assertRaisesRegex(TypeError, "^values"):
-            cfreg.keypoints(points, values=[0.0] * len(points))
+        listed = cfreg.keypoints(points, values=curvature.tolist())
+        np.testing.assert_array_equal(listed, cfreg.keypoints(points, values=curvature))
+        with self.assertRaisesRegex(cfreg.Error, "^values must be"):
+            cfreg.keypoints(points, values="curvature")
 
     def test_settings_are_refused_by_name(self):
         points = terrain(50)

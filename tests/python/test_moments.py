@@ -155,7 +155,7 @@ class Moments(unittest.TestCase):
         ):
             with self.assertRaisesRegex(cfreg.ShapeError, "^(source_points|target): .* left out 1 rows"):
                 call()
-        with self.assertRaisesRegex(TypeError, "^pairs must be integers"):
+        with self.assertRaisesRegex(cfreg.Error, "^pairs must be integers"):
             cfreg.moments_of_pairs(self.points, self.moved, pairs.astype(float))
 
     def test_a_tolerance_leaves_out_no_more_than_it_says(self):

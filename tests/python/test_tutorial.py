@@ -1,8 +1,11 @@
 """The tutorial runs, and what it shows is right."""
 
+import contextlib
 import csv
 import importlib.util
+import io
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -12,7 +15,9 @@ from pathlib import Path
 import cfreg
 import numpy as np
 
-HERE = Path(__file__).resolve().parents[2] / "python-ref"
+REPOSITORY = Path(__file__).resolve().parents[2]
+HERE = REPOSITORY / "python-ref"
+DATA = Path(os.environ.get("CFREG_DATA", REPOSITORY.parent / "shared" / "data"))
 
 
 @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "matplotlib is not installed")
@@ -75,6 +80,30 @@ class Tutorial(unittest.TestCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("a SOURCE needs its TARGET", done.stderr)
         self.assertFalse((self.folder / "none").exists())
+
+    @unittest.skipUnless(DATA.is_dir(), "the scans are not there")
+    def test_the_ten_lines_of_the_readme_print_what_it_says(self):
+        import matplotlib
+
+        readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+        [lines] = re.findall(r"```python\n(import cfreg, matplotlib.*?)```", readme, re.DOTALL)
+        lines = lines.replace('"data/scans/', f'"{DATA.as_posix()}/stanford_bunny/')
+        lines = lines.replace('"aligned.png"', repr(str(self.folder / "aligned.png")))
+        names, told = {}, io.StringIO()
+        with matplotlib.rc_context({"backend": "Agg"}), contextlib.redirect_stdout(told):
+            exec(lines, names)
+        self.shows_something("aligned.png")
+        [words] = re.findall(r"print\(found\) +# (consensus, .*), \.\.\.", readme)
+        self.assertIn(f"({words}, ", told.getvalue())
+        with open(DATA / "pairs.csv") as file:
+            pairs = csv.DictReader(line for line in file if not line.startswith("#"))
+            files = "stanford_bunny/bun000.ply", "stanford_bunny/bun045.ply"
+            [pair] = [row for row in pairs if (row["source"], row["target"]) == files]
+        truth = [[float(pair[f"t{i}{j}"]) for j in range(4)] for i in range(4)]
+        clouds = names["source"], names["target"]
+        error = cfreg.evaluate(*clouds, names["found"].transform, truth=truth).truth
+        [off] = re.findall(r"the same pose \((\S+) degrees off, as here;", readme)
+        self.assertEqual(f"{error.rotation_deg:.2f}", off)
 
 
 if __name__ == "__main__":

@@ -167,13 +167,16 @@ fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
         })
         .collect::<Result<_>>()?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let name = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-    let set = name.as_deref().unwrap_or("pairs");
-    let scene = set.strip_suffix("-evaluation").unwrap_or(set);
+    let set = called(folder)?;
+    let scene = set.strip_suffix("-evaluation").unwrap_or(&set);
     let file = |number: f64| {
         let cloud = format!("cloud_bin_{number}.ply");
         let beside = folder.join(&cloud);
-        if beside.exists() { beside } else { folder.with_file_name(scene).join(cloud) }
+        match folder.file_name() {
+            _ if scene == set || beside.exists() => beside,
+            Some(_) => folder.with_file_name(scene).join(cloud),
+            None => folder.join("..").join(scene).join(cloud),
+        }
     };
     let mut pairs = Vec::new();
     for block in lines.chunks(5) {
@@ -200,6 +203,19 @@ fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
         });
     }
     Ok(pairs)
+}
+
+/// What a folder is called, also where its path ends in dots, or is empty.
+fn called(folder: &Path) -> Result<String> {
+    let whole = match folder.file_name() {
+        Some(_) => folder.to_path_buf(),
+        None => {
+            let dots = Path::new(".").join(folder);
+            dots.canonicalize().map_err(|error| Error::io(&dots, error))?
+        }
+    };
+    // The root of all has none.
+    Ok(whole.file_name().map_or("pairs".into(), |name| name.to_string_lossy().into_owned()))
 }
 
 #[cfg(test)]
@@ -237,6 +253,22 @@ mod tests {
         assert!(pairs[0].source.ends_with("cloud_bin_2.ply"));
         assert!(pairs[0].target.ends_with("cloud_bin_0.ply"));
         assert_eq!(pairs[0].truth.unwrap().translation, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_log_is_the_set_that_its_folder_is_called() {
+        let text = "0 2 60\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
+        let first = |path: &str| log(Path::new(path), text).unwrap().remove(0);
+        let pair = first("rooms/kitchen-evaluation/gt.log");
+        assert_eq!(pair.dataset, "kitchen");
+        assert_eq!(pair.source, Path::new("rooms/kitchen/cloud_bin_2.ply"));
+        // Where the path does not say how it is called.
+        let here = std::env::current_dir().unwrap();
+        let here = here.file_name().unwrap().to_string_lossy();
+        for path in ["gt.log", "./gt.log", "src/../gt.log"] {
+            assert_eq!(first(path).dataset, here, "{path}");
+        }
+        assert_eq!(first("gt.log").source, Path::new("cloud_bin_2.ply"));
     }
 
     #[test]

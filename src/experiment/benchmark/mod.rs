@@ -17,10 +17,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-pub use clouds::Viewpoints;
 pub use list::Pair;
-pub use others::judge;
+pub use others::Poses;
 pub use rule::Rule;
+
+pub use crate::cloud::Viewpoints;
 
 use self::clouds::Clouds;
 use self::kept::Kept;

@@ -1,6 +1,6 @@
 //! Poses that other programs found, judged by the same rules.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::list::Table;
@@ -16,20 +16,77 @@ struct Answer {
     accepted: bool,
 }
 
-/// Reads poses of other programs and gives a row for each pair of `pairs` that they are of.
-///
-/// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
-/// `t00` to `t33` (source into target frame, of the clouds as they are in the files; empty where
-/// there is no answer) and, if there is one, `seconds` and `accepted` (`true` or `false`: whether
-/// the program takes its own answer; else it does).
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Parse`] with the line, and those of reading clouds.
-pub fn judge(path: &Path, folder: &Path, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
-    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
-    let mut answers: HashMap<[PathBuf; 2], Vec<Answer>> = HashMap::new();
-    for row in Table::read(path, &text)? {
-        let row = row?;
+/// Poses that other programs found, by source and target.
+pub struct Poses(HashMap<[PathBuf; 2], Vec<Answer>>);
+
+impl Poses {
+    /// Reads poses of pairs that are `listed`.
+    ///
+    /// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
+    /// `t00` to `t33` (source into target frame, of the clouds as they are in the files; empty
+    /// where there is no answer) and, if there is one, `seconds` and `accepted` (`true` or
+    /// `false`: whether the program takes its own answer; else it does).
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`] with the line that cannot be understood, or the first one
+    /// whose pair is not listed: it would count nowhere.
+    pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<Poses> {
+        let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+        let listed: HashSet<[&Path; 2]> =
+            listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
+        let mut poses = Poses(HashMap::new());
+        let (mut rows, mut strangers, mut first) = (0, 0, None);
+        for row in Table::read(path, &text)? {
+            let row = row?;
+            let names = ["source", "target"].map(|name| row.word(name));
+            let key = names.map(|name| folder.join(name));
+            rows += 1;
+            if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
+                poses.0.entry(key).or_default().push(Answer::of(&row)?);
+            } else {
+                strangers += 1;
+                first.get_or_insert(row);
+            }
+        }
+        let Some(row) = first else { return Ok(poses) };
+        let [source, target] = ["source", "target"].map(|name| row.word(name));
+        Err(row.wrong(format!(
+            "no listed pair has the source {source} and the target {target}; {strangers} of {rows} \
+             rows are of none: write names as the list does, relative to its folder, or leave such \
+             rows out"
+        )))
+    }
+
+    /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
+    /// be among them.
+    ///
+    /// # Errors
+    /// Those of reading clouds.
+    pub fn judge(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
+        let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
+        for pair in pairs {
+            let Some(found) = self.0.get(&[pair.source.clone(), pair.target.clone()]) else {
+                continue;
+            };
+            let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
+            let rule =
+                settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+            for answer in found {
+                let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
+                row.accepted = answer.accepted;
+                match &answer.pose {
+                    Some(pose) => row.compare(pose, pair, &source),
+                    None => row.error = "no pose".into(),
+                }
+                rows.push(row);
+            }
+        }
+        Ok(rows)
+    }
+}
+
+impl Answer {
+    fn of(row: &Table<'_>) -> Result<Answer> {
         let pose = row.pose()?;
         let accepted = match row.word("accepted") {
             "" => pose.is_some(),
@@ -38,29 +95,8 @@ pub fn judge(path: &Path, folder: &Path, pairs: &[Pair], settings: Settings) -> 
                 .map_err(|_| row.wrong(format!("accepted is {word:?}: must be true or false")))?,
         };
         let method = row.word("method").to_string();
-        let answer =
-            Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted };
-        let key = ["source", "target"].map(|name| folder.join(row.word(name)));
-        answers.entry(key).or_default().push(answer);
+        Ok(Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted })
     }
-    let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
-    for pair in pairs {
-        let Some(found) = answers.get(&[pair.source.clone(), pair.target.clone()]) else {
-            continue;
-        };
-        let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
-        let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
-        for answer in found {
-            let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
-            row.accepted = answer.accepted;
-            match &answer.pose {
-                Some(pose) => row.compare(pose, pair, &source),
-                None => row.error = "no pose".into(),
-            }
-            rows.push(row);
-        }
-    }
-    Ok(rows)
 }
 
 #[cfg(test)]
@@ -82,18 +118,22 @@ mod tests {
             overlap: Some(1.0),
             unit: 1.0,
         };
+        // Listed, and left out of this run.
+        let unjudged = Pair { target: at("c.ply"), ..pair.clone() };
         let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
         let write = |rows: &str| {
             let text =
                 format!("method,source,target,{},seconds,accepted\n{rows}", titles.join(","));
             std::fs::write(at("poses.csv"), text).unwrap();
-            judge(&at("poses.csv"), folder.path(), std::slice::from_ref(&pair), Settings::default())
+            let pairs = [pair.clone(), unjudged.clone()];
+            Poses::read(&at("poses.csv"), folder.path(), &pairs)?
+                .judge(&pairs[..1], Settings::default())
         };
         let rows = write(
             "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\
              far,a.ply,b.ply,-1,0,0,0,0,-1,0,0,0,0,1,0,0,0,0,1,2,false\n\
              none,a.ply,b.ply,,,,,,,,,,,,,,,,,1,\n\
-             near,other.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
+             near,a.ply,c.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
         )
         .unwrap();
         let told: Vec<_> =
@@ -102,5 +142,14 @@ mod tests {
         assert_eq!((rows[0].seconds, rows[1].rotation_deg), (0.5, Some(180.0)));
         let said = write("x,a.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,maybe\n").unwrap_err();
         assert!(said.to_string().contains("line 2: accepted is \"maybe\""), "{said}");
+        let said = write(
+            "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\
+             near,other.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n\
+             near,b.ply,a.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
+        )
+        .unwrap_err();
+        let named = "line 3: no listed pair has the source other.ply and the target b.ply";
+        assert!(said.to_string().contains(named), "{said}");
+        assert!(said.to_string().contains("2 of 3 rows"), "{said}");
     }
 }

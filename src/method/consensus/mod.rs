@@ -53,7 +53,7 @@ use crate::pose::{Prior, ScaleEstimate};
 /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
 /// let registration = Consensus::default().register(&source, &target)?;
 /// let verdict = registration.verdict.unwrap();
-/// println!("{:?} {:.3}", verdict.decision, verdict.probability);
+/// println!("{} {:.3}", verdict.decision, verdict.probability);
 /// assert!(registration.transform.angle().to_degrees() < 2.0);
 /// # Ok::<(), cfreg::Error>(())
 /// ```

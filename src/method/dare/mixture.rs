@@ -9,11 +9,11 @@
 use pulp::{Simd, WithSimd};
 
 use crate::cloud::Transform;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::{self, Mat3, Vec3, fast};
 use crate::moments::Moments;
 use crate::par;
-use crate::pose::{self, ScaleEstimate, Solution, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solution, Solver};
 
 /// Points a task of the parallel loop.
 const BLOCK: usize = 1024;
@@ -171,13 +171,41 @@ impl Mixture {
     }
 
     /// The pose that brings the clusters nearest to the means, as the model's weights
-    /// have it.
+    /// have it, among those that `prior` allows.
     ///
     /// # Errors
-    /// Those of [`pose::solve`].
-    pub(super) fn solve(&self, clusters: &[Cluster]) -> Result<Solution> {
+    /// Those of [`pose::solve_with`].
+    pub(super) fn solve(&self, clusters: &[Cluster], prior: &Prior) -> Result<Solution> {
         let moments = self.moments(clusters, 1.0, ([0.0; 3], [0.0; 3]));
-        pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)
+        pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior)
+    }
+
+    /// Moves the means, as they lie to each other, nearest to the clusters of both clouds under
+    /// their poses; where that is open, they stay.
+    ///
+    /// # Errors
+    /// Those of [`pose::solve`], but for the open rotation.
+    pub(super) fn follow(&mut self, clouds: [(&[Cluster], &Transform); 2]) -> Result<()> {
+        let mut moments = Moments::about([0.0; 3], [0.0; 3]);
+        for (clusters, pose) in clouds {
+            for ((cluster, &mean), variance) in
+                clusters.iter().zip(&self.means).zip(&self.variances)
+            {
+                moments.add_pair(cluster.mass / variance, pose.apply(cluster.centroid), mean);
+            }
+        }
+        match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
+            Ok(solution) => self.see_from(&solution.transform),
+            Err(Error::Degenerate { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Gives the scene, which has no frame of its own, that of a cloud under `pose`.
+    pub(super) fn see_from(&mut self, pose: &Transform) {
+        let back = pose.inverse();
+        self.means.iter_mut().for_each(|mean| *mean = back.apply(*mean));
     }
 
     /// The rest of the M-step: means (unless `held`), then variances, from the clusters

@@ -5,7 +5,7 @@ mod mixture;
 
 use serde::{Deserialize, Serialize};
 
-use self::mixture::{Mixture, View};
+use self::mixture::{Cluster, Mixture, View};
 use super::positions;
 use super::registration::{Counts, Found, PointCounts, Registration, Timings};
 use super::schedule::{Step, StopReason};
@@ -14,6 +14,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
+use crate::pose::{Prior, ScaleEstimate};
 
 /// Iterations in which the means stay where they were laid and only poses and variances
 /// follow, as in the authors' program.
@@ -73,6 +74,8 @@ pub struct Dare {
     /// the bunny turned by up to 90° about each axis: 19 of 30, the authors' program 7, or
     /// 10 with as many components.
     pub min_sigma: f64,
+    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
     /// Threads, 0 for all cores. Never changes the result.
@@ -89,6 +92,7 @@ impl Default for Dare {
             tolerance: 1e-5,
             initial_sigma: 3.0,
             min_sigma: 0.065,
+            prior: Prior::default(),
             trace: false,
             threads: 0,
         }
@@ -125,7 +129,7 @@ impl Dare {
         if !(1e-5..=1.0).contains(&self.min_sigma) {
             return fault("min_sigma", &self.min_sigma, "must be 1e-5 to 1");
         }
-        Ok(())
+        self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
     /// The settings with every default that depends on the clouds filled in.
@@ -156,6 +160,8 @@ impl Dare {
             // be so wide that f32 loses the clouds in it.
             pose.translation = [0.0; 3];
         }
+        // It may turn away from where the clouds lie, and climbs from there.
+        pose = self.prior.nearest(&pose, [0.0; 3])?;
         let mut mixture = config.scene(&from, &to, &pose);
         let mut trace = Vec::new();
         let (mut before, mut iterations) = (f64::NEG_INFINITY, 0);
@@ -166,14 +172,12 @@ impl Dare {
                 let (of_source, first) = mixture.explain(&from, &pose);
                 let (of_target, second) = mixture.explain(&to, &Transform::IDENTITY);
                 let likelihood = first + second;
-                let poses = [mixture.solve(&of_source)?, mixture.solve(&of_target)?];
-                let [source_pose, target_pose] = poses.map(|solution| solution.transform);
+                let [source_pose, target_pose] =
+                    self.poses(&mut mixture, &of_source, &of_target, &pose)?;
                 let clouds = [(&of_source[..], &source_pose), (&of_target[..], &target_pose)];
                 mixture.update(clouds, iterations <= HELD);
-                // The scene has no frame of its own: it gets the target's.
-                let back = target_pose.inverse();
-                pose = back.after(&source_pose);
-                mixture.means.iter_mut().for_each(|mean| *mean = back.apply(*mean));
+                pose = target_pose.inverse().after(&source_pose);
+                mixture.see_from(&target_pose);
                 if self.trace {
                     let weight = clouds.iter().flat_map(|(all, _)| *all).map(|c| c.mass).sum();
                     let k = mixture.variances.len() as f64;
@@ -199,7 +203,7 @@ impl Dare {
         let found = Found {
             transform: frame.outward(&pose),
             moments,
-            singular_values: mixture.solve(&clusters)?.singular_values,
+            singular_values: mixture.solve(&clusters, &self.prior)?.singular_values,
             connections: source.len() as u64 * mixture.means.len() as u64,
             iterations,
             stop,
@@ -210,6 +214,26 @@ impl Dare {
             doubts: Vec::new(),
         };
         Registration::conclude(found, source, target)
+    }
+
+    /// The poses of both clouds in the scene's frame that the M-step gives, `pose` the one
+    /// between them before.
+    ///
+    /// With a prior, which ties them to each other, the scene first follows both as they lie, then
+    /// the source alone moves: neither lowers the likelihood.
+    fn poses(
+        &self,
+        mixture: &mut Mixture,
+        source: &[Cluster],
+        target: &[Cluster],
+        pose: &Transform,
+    ) -> Result<[Transform; 2]> {
+        if self.prior.is_none() {
+            let solve = |clusters| mixture.solve(clusters, &self.prior);
+            return Ok([solve(source)?.transform, solve(target)?.transform]);
+        }
+        mixture.follow([(source, pose), (target, &Transform::IDENTITY)])?;
+        Ok([mixture.solve(source, &self.prior)?.transform, Transform::IDENTITY])
     }
 
     /// The scene before anything was seen of it: means on a sphere about both clouds'

@@ -14,15 +14,16 @@ its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate`
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
-Points are numpy arrays (N, 3) of float32 or float64 in any unit, points in rows, with any
-strides, or clouds of Open3D, trimesh, pyvista and small_gicp. `source` is moved onto `target`:
-a pose is the 4x4 matrix T_target_source. Results are the same bits for any number of threads.
-No function holds the interpreter while it computes; Ctrl-C ends it.
+Points are numbers (N, 3) in any unit, points in rows: numpy arrays of float32 or float64 with any
+strides, arrays of other numbers and lists of rows, which become float64, or clouds of Open3D,
+trimesh, pyvista and small_gicp. `source` is moved onto `target`: a pose is the 4x4 matrix
+T_target_source. Results are the same bits for any number of threads. No function holds the
+interpreter while it computes; Ctrl-C ends it.
 
-Errors: TypeError for what is no such array; an Error, which is a ValueError, for the rest, naming
-the argument: ShapeError, NonFiniteError, SettingError, FileFormatError, ExtentError;
+Errors: an Error, which is a ValueError, naming the argument: ShapeError, NonFiniteError,
+SettingError, FileFormatError, ExtentError, or Error itself for what is no array of numbers;
 RegistrationError where the clouds do not determine an answer: TooFewPointsError, NoWeightError,
-DegenerateError.
+DegenerateError. TypeError for what is no method, kernel or setting at all.
 """
 
 from . import weights

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from ._native import Error, PointCloud, ShapeError
+
 
 def parts(cloud: Any, name: str) -> tuple[Any, Any]:
     """Points (N, 3) and normals (N, 3), or None, of whatever stands for a cloud; `name` is
@@ -36,11 +38,11 @@ def parts(cloud: Any, name: str) -> tuple[Any, Any]:
         return np.asarray(cloud.vertices), _some(getattr(cloud, "vertex_normals", None))
     if callable(getattr(cloud, "points", None)):  # small_gicp: homogeneous, and its normals
         return np.asarray(cloud.points())[:, :3], None  # are not defined until estimated
-    if _is_array(cloud):
+    if _is_array(cloud) or isinstance(cloud, (list, tuple)):
         return array(cloud, name), getattr(cloud, "normals", None)
-    raise TypeError(
-        f"{name} must be a numpy array (N, 3) of float32 or float64, or a point cloud of cfreg, "
-        f"Open3D, trimesh, pyvista or small_gicp, not {type(cloud).__name__}"
+    raise Error(
+        f"{name} must be an array or rows of numbers (N, 3), or a point cloud of cfreg, Open3D, "
+        f"trimesh, pyvista or small_gicp, not {type(cloud).__name__}"
     )
 
 
@@ -57,13 +59,16 @@ def colors(cloud: Any) -> Any:
 
 
 def array(values: Any, name: str) -> Any:
-    """A plain array for what is one in disguise; masked values become NaN."""
-    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "f":
-        return values.filled(np.nan)
+    """A plain array for lists, and for what is one in disguise; masked values become NaN."""
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "iuf":
+        return values.astype(np.result_type(values.dtype, np.float32)).filled(np.nan)
+    if isinstance(values, (list, tuple)):
+        try:
+            return np.asarray(values)
+        except ValueError as error:
+            raise ShapeError(f"{name}: rows differ in length") from error
     if not _is_array(values):
-        raise TypeError(
-            f"{name} must be a numpy array, not {type(values).__name__}: convert with numpy.asarray"
-        )
+        raise Error(f"{name} must be an array or a list of numbers, not {type(values).__name__}")
     for step in ("detach", "cpu", "numpy"):  # tensors
         if hasattr(values, step):
             values = getattr(values, step)()
@@ -95,8 +100,6 @@ def weights(found: Any) -> Any:
 def moved(cloud: Any, transform: Any) -> Any:
     """`cloud`, of whatever kind, moved by a (4, 4) matrix: the same kind again, but an array
     for what only stands for one."""
-    from ._native import PointCloud, ShapeError
-
     if isinstance(cloud, PointCloud):
         return cloud.transformed(transform)
     if _tensors(cloud) is not None:

@@ -43,7 +43,7 @@ __all__ = [
 __version__: Final[str]
 
 _CloudLike: TypeAlias = Any
-"""PointCloud, array (N, 3) of float32 or float64, or a cloud of another library."""
+"""PointCloud, (N, 3) numbers, or a cloud of another library."""
 _Matrix: TypeAlias = npt.ArrayLike
 """(4, 4) numbers."""
 _Place: TypeAlias = Sequence[float] | npt.NDArray[Any]

@@ -96,8 +96,8 @@ def register(
 
     Parameters
     ----------
-    source, target : PointCloud, (N, 3) array of float32 or float64 in any unit and of any
-        strides, or a cloud of Open3D, trimesh, pyvista or small_gicp. Rows that are not
+    source, target : PointCloud, (N, 3) numbers in any unit, an array with any strides or a
+        list of rows, or a cloud of Open3D, trimesh, pyvista or small_gicp. Rows that are not
         finite are left out and counted
     method : "consensus" (for scans that overlap in part), "cf" (the paper's full connection),
         "cf-multiscale" (with the sharpest weights), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
@@ -120,7 +120,7 @@ def register(
     RegistrationError : too few points, no connection with any weight, or clouds that do not
         determine a rotation
     SettingError : a setting that the method does not have, or out of its range
-    ShapeError, TypeError : not an (N, 3) array of float32 or float64
+    ShapeError, Error : not (N, 3), not numbers
 
     Examples
     --------

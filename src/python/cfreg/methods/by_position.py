@@ -125,6 +125,7 @@ class DARE(Starting):
     density_neighbors : nearest points that tell the density; 0 for none
     tolerance : change of the likelihood below which it rests
     initial_sigma, min_sigma : first and least bandwidth, in radii of the clouds
+    prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     """
 
@@ -136,5 +137,6 @@ class DARE(Starting):
     tolerance: float = 1e-5
     initial_sigma: float = 3.0
     min_sigma: float = 0.065
+    prior: Prior | None = None
     trace: bool = False
     threads: int = 0
