@@ -61,18 +61,23 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
     cloud.replaced(&points, has)
 }
 
+/// Refuses a side that no cube has.
+///
+/// # Errors
+/// [`Error::Config`] when `size` is not positive and finite.
+pub(crate) fn check_voxel(size: f64) -> Result<()> {
+    if size > 0.0 && size.is_finite() {
+        return Ok(());
+    }
+    Err(Error::config("voxel", size, "must be above 0, in the unit of the coordinates"))
+}
+
 /// The points of every occupied cube of side `size`, cubes in the order of their first point.
 ///
 /// # Errors
 /// Those of [`voxel_grid`].
 pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
-    if !(size > 0.0 && size.is_finite()) {
-        return Err(Error::config(
-            "voxel",
-            size,
-            "must be above 0, in the unit of the coordinates",
-        ));
-    }
+    check_voxel(size)?;
     let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     if longest / size > 4.6e18 {

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{Outcome, outputs, print, progress};
+use crate::cloud::Viewpoints;
 use crate::error::Result;
-use crate::experiment::benchmark::{self, Rule, Settings, Viewpoints, list, reliability, report};
+use crate::experiment::benchmark::{self, Rule, Settings, list, reliability, report};
 use crate::par;
 
 #[derive(Args)]

@@ -6,6 +6,7 @@ mod descriptors;
 mod mesh;
 mod point_cloud;
 mod transform;
+mod viewpoints;
 mod visible;
 
 pub use channels::Channels;
@@ -14,3 +15,4 @@ pub use mesh::{MOST_POINTS, Mesh};
 pub(crate) use point_cloud::check_weights;
 pub use point_cloud::{Attributes, Parts, PointCloud};
 pub use transform::Transform;
+pub use viewpoints::Viewpoints;

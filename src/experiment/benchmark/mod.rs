@@ -17,14 +17,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-pub use clouds::Viewpoints;
 pub use list::Pair;
 pub use others::judge;
 pub use rule::Rule;
 
 use self::clouds::Clouds;
 use self::kept::Kept;
-use crate::cloud::{PointCloud, Transform};
+use crate::cloud::{PointCloud, Transform, Viewpoints};
 use crate::error::Result;
 use crate::math::{self, Vec3};
 use crate::method::{Chain, Register, Registration};
