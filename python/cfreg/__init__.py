@@ -8,8 +8,8 @@
 >>> found.trusted, round(found.angle_deg), found.transform.shape
 (True, 90, (4, 4))
 
-`register` does everything; `Consensus`, `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are
-its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
+`register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFK`, `TEASER`,
+`ICP`, `KC`, `CPD` and `DARE` are its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -24,7 +24,7 @@ RegistrationError where the clouds do not determine an answer: TooFewPointsError
 DegenerateError.
 """
 
-from . import weights
+from . import pairs, weights
 from ._native import (
     DegenerateError,
     Error,
@@ -48,6 +48,8 @@ from ._native import (
     solve,
     write,
 )
+from .batch import register_batch
+from .batch_results import BatchResult, BatchSummary, read_batch
 from .methods import (
     CF,
     CFK,
@@ -76,6 +78,8 @@ from .results import (
 )
 
 __all__ = [
+    "BatchResult",
+    "BatchSummary",
     "CF",
     "CFK",
     "CPD",
@@ -115,8 +119,11 @@ __all__ = [
     "method",
     "moments",
     "moments_of_pairs",
+    "pairs",
     "read",
+    "read_batch",
     "register",
+    "register_batch",
     "solve",
     "weights",
     "write",
