@@ -9,7 +9,8 @@ reads the files. Ours is `cfreg.register_batch` into Parquet. Open3D's is a loop
 clouds and features kept in a dictionary, its own threads within: FPFH and RANSAC as in
 `benchmark_peers.py`. KISS-Matcher's is a pool of one process a core, each held to its core. Voxels of
 the peers are one and a half of the clouds' resolution, 4 mm at least. Right is a pose within 10
-degrees and a twentieth of the size of the true one; the scans stand as they were taken.
+degrees and a twentieth of the size of the true one; the scans stand as they were taken, each sensor
+at the zero of its file, which ours and Open3D's normals are told.
 """
 
 import argparse
@@ -58,7 +59,7 @@ def ours(folder, pairs, threads):
 
     found = folder / "ours.parquet"
     names = [(source, target) for source, target, _ in pairs]
-    cfreg.register_batch(names, output=found, folder=folder, threads=threads, overwrite=True)
+    cfreg.register_batch(names, output=found, folder=folder, viewpoints="origin", threads=threads, overwrite=True)
     return list(cfreg.read_batch(found).transform)
 
 
