@@ -341,8 +341,9 @@ fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
     let rows = batch.rows(&list, |_, _| ()).unwrap();
     for seed in 0..CLOUDS {
         let name = format!("{seed}.ply");
-        let cloud = io::read(folder.path().join(&name)).unwrap();
-        batch.given.insert(name, cloud.into());
+        let path = folder.path().join(&name);
+        batch.given.insert(name, io::read(&path).unwrap().into());
+        fs::remove_file(path).unwrap();
     }
     assert_eq!(batch.rows(&list, |_, _| ()).unwrap().len(), rows.len());
     batch.run(&list, &folder.path().join("given.csv")).unwrap();
