@@ -44,9 +44,16 @@ def open3d_ransac(source, target, sensors, size):
     """FPFH and RANSAC of three, 100,000 iterations, as Open3D's tutorial has it."""
     import open3d as o3d
 
-    registration = o3d.pipelines.registration
     o3d.utility.random.seed(0)
     a, b = (features(points, sensor, size) for points, sensor in zip((source, target), sensors))
+    return ransac(a, b, size), True
+
+
+def ransac(a, b, size):
+    """The pose between two clouds with their features."""
+    import open3d as o3d
+
+    registration = o3d.pipelines.registration
     found = registration.registration_ransac_based_on_feature_matching(
         a[0],
         b[0],
@@ -62,7 +69,7 @@ def open3d_ransac(source, target, sensors, size):
         ],
         registration.RANSACConvergenceCriteria(100_000, 0.999),
     )
-    return found.transformation, True
+    return found.transformation
 
 
 def open3d_fgr(source, target, sensors, size):

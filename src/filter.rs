@@ -24,19 +24,29 @@ pub struct Thinning {
 }
 
 impl Thinning {
+    /// Refuses what no cloud can be thinned by.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a voxel that is not positive and finite, and for a sample of 0.
+    pub fn validate(&self) -> Result<()> {
+        self.voxel.map_or(Ok(()), check_voxel)?;
+        match self.sample {
+            Some(0) => Err(Error::config("sample", 0, "must be at least 1")),
+            _ => Ok(()),
+        }
+    }
+
     /// Thins a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
     /// the source, 1 for the target).
     ///
     /// # Errors
-    /// Those of [`voxel_grid`]; [`Error::Config`] for a sample of 0.
+    /// Those of [`validate`](Self::validate) and of [`voxel_grid`].
     pub fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
+        self.validate()?;
         if let Some(size) = self.voxel {
             cloud = voxel_grid(&cloud, size)?;
         }
         if let Some(count) = self.sample {
-            if count == 0 {
-                return Err(Error::config("sample", 0, "must be at least 1"));
-            }
             cloud = sample(&cloud, count, self.seed.wrapping_mul(2).wrapping_add(stream));
         }
         Ok(cloud)
@@ -93,18 +103,23 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
     cloud.replaced(&points, has)
 }
 
+/// Refuses a side that no cube has.
+///
+/// # Errors
+/// [`Error::Config`] when `size` is not positive and finite.
+pub(crate) fn check_voxel(size: f64) -> Result<()> {
+    if size > 0.0 && size.is_finite() {
+        return Ok(());
+    }
+    Err(Error::config("voxel", size, "must be above 0, in the unit of the coordinates"))
+}
+
 /// The points of every occupied cube of side `size`, cubes in the order of their first point.
 ///
 /// # Errors
 /// Those of [`voxel_grid`].
 pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
-    if !(size > 0.0 && size.is_finite()) {
-        return Err(Error::config(
-            "voxel",
-            size,
-            "must be above 0, in the unit of the coordinates",
-        ));
-    }
+    check_voxel(size)?;
     let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     if longest / size > 4.6e18 {

@@ -6,9 +6,10 @@ use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use cfreg::batch::{Batch, List, Start};
+use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
+use cfreg::cloud::Viewpoints;
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Register, Registration};
+use cfreg::method::{Chain, Method, Register, Registration};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -164,6 +165,17 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     refused(path, &format!("{RUN} -o rows.csv"), "--overwrite");
     let output = cfreg(path, &format!("{RUN} -o rows.csv --resume"));
     assert!(output.status.success() && said(&output).contains("complete"));
+    assert!(said(&output).contains("28 pairs: ") && said(&output).contains("3 without answer"));
+    // An output of other pairs, of other settings where it tells them, or that is cut short.
+    done(path, &format!("{RUN} -o rows.parquet"));
+    done(path, &format!("{RUN} -o rows.parquet --resume"));
+    refused(path, &format!("{RUN} -o rows.parquet --resume --sample 9"), "thinning.sample null");
+    let rows = fs::read_to_string(path.join("rows.csv")).unwrap();
+    let head = rows.split_inclusive('\n').take(PAIRS).collect::<String>();
+    for other in [rows.replacen("1.ply", "7.ply", 1), head] {
+        fs::write(path.join("other.csv"), other).unwrap();
+        refused(path, &format!("{RUN} -o other.csv --resume"), "than the list");
+    }
     done(path, &format!("{RUN} -o rows.csv --overwrite"));
     // A journal of another method.
     fs::remove_file(path.join("rows.csv")).unwrap();
@@ -206,6 +218,10 @@ fn lists_and_outputs_that_will_not_do_are_named() {
         ("pairs.csv -o pairs.csv", "overwrite an input"),
         ("pairs.csv -o rows.csv --method nonsense", "nonsense"),
         ("pairs.csv -o rows.csv --memory lots", "number of bytes"),
+        // What would make an error of every row.
+        ("pairs.csv -o rows.csv --sample 0", "sample"),
+        ("pairs.csv -o rows.csv --voxel -1 --method cf", "voxel"),
+        ("pairs.csv -o rows.csv --viewpoints sensor", "must be one of"),
     ];
     for (line, words) in wrong {
         refused(path, &format!("batch {line}"), words);
@@ -282,6 +298,7 @@ fn panics_and_time_limits_are_rows() {
     );
     let calls = AtomicUsize::new(0);
     let method = Moody(&calls);
+    panics_go_to_rows();
     let mut batch = Batch::new(&method, &"moody");
     batch.time_limit = Some(Duration::from_secs(2));
     batch.threads = 2;
@@ -289,7 +306,54 @@ fn panics_and_time_limits_are_rows() {
     assert_eq!((summary.pairs, summary.errors, calls.into_inner()), (4, 3, 4));
     let text = fs::read_to_string(path.join("rows.csv")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    assert!(lines[1].contains("four points") && lines[4].contains("four points"), "{text}");
+    assert!(lines[1].contains("four points (tests/batch.rs:"), "{text}");
+    assert!(lines[4].contains("four points"), "{text}");
     assert!(lines[2].starts_with("1,0.ply,1.ply,,"), "{text}");
     assert!(lines[3].contains("time limit of 2 s"), "{text}");
+}
+
+#[test]
+fn the_time_limit_covers_reading() {
+    let folder = folder();
+    let line = |i: usize| format!("{} {} 0.5\n", i % 1000, i / 1000);
+    fs::write(folder.path().join("large.xyz"), (0..500_000).map(line).collect::<String>()).unwrap();
+    let list = List::new(folder.path(), [["large.xyz", "0.ply"]]);
+    let calls = AtomicUsize::new(0);
+    let method = Moody(&calls);
+    let mut batch = Batch::new(&method, &"moody");
+    batch.time_limit = Some(Duration::from_millis(1));
+    let rows = batch.rows(&list, |_, _| ()).unwrap();
+    assert!(rows[0].error.as_deref().unwrap().contains("time limit"), "{rows:?}");
+    assert_eq!(calls.into_inner(), 0);
+}
+
+#[test]
+fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
+    let folder = folder();
+    // Messages name files as they are seen from here.
+    let here = folder.path().display();
+    let line = format!("{RUN} -o rows.csv --viewpoints none --sample 200 --folder {here}");
+    done(folder.path(), &line);
+    let chain = Chain::new(
+        "cf".parse::<Method>().unwrap().with([("neighbors", 30.into())]).unwrap(),
+        vec!["icp".parse().unwrap()],
+    );
+    let chain = chain.unwrap();
+    let list = List::read(&folder.path().join("pairs.csv"), folder.path()).unwrap();
+    let mut batch = Batch::new(&chain, &chain);
+    batch.viewpoints = Viewpoints::None;
+    batch.thinning.sample = Some(200);
+    let rows = batch.rows(&list, |_, _| ()).unwrap();
+    for seed in 0..CLOUDS {
+        let name = format!("{seed}.ply");
+        let path = folder.path().join(&name);
+        batch.given.insert(name, io::read(&path).unwrap().into());
+        fs::remove_file(path).unwrap();
+    }
+    assert_eq!(batch.rows(&list, |_, _| ()).unwrap().len(), rows.len());
+    batch.run(&list, &folder.path().join("given.csv")).unwrap();
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(read("given.csv") == read("rows.csv"));
+    let seconds = |row: &Row| row.seconds.is_some();
+    assert!(rows[..PAIRS - 3].iter().all(seconds) && !rows[PAIRS - 1..].iter().any(seconds));
 }

@@ -2,7 +2,8 @@
 
 mod common;
 
-use cfreg::experiment::benchmark::{self, Rule, Settings, Viewpoints, list};
+use cfreg::cloud::Viewpoints;
+use cfreg::experiment::benchmark::{self, Rule, Settings, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Registration};

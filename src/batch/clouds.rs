@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::cloud::PointCloud;
+use super::hash::Hash;
+use crate::cloud::{Parts, PointCloud};
+use crate::error::Result;
 use crate::filter::Thinning;
-use crate::io;
 
 /// Clouds that were read, the least recently used given up first.
 pub(super) struct Clouds {
@@ -30,7 +31,7 @@ struct Slot {
 }
 
 /// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
-type Read = std::result::Result<Arc<PointCloud>, String>;
+pub(super) type Read = std::result::Result<Arc<PointCloud>, String>;
 
 impl Clouds {
     /// None are held yet; at most `budget` bytes of those that no pair is using will be.
@@ -38,8 +39,14 @@ impl Clouds {
         Clouds { thinning, budget, held: Mutex::default() }
     }
 
-    /// The cloud in `path`; a second caller waits while the first reads.
-    pub(super) fn get(&self, path: &Path, stream: u64) -> Read {
+    /// The cloud in `path`, by `read` where it is not held; a second caller waits while the first
+    /// reads.
+    pub(super) fn get(
+        &self,
+        path: &Path,
+        stream: u64,
+        read: impl FnOnce() -> Result<PointCloud>,
+    ) -> Read {
         // Only random draws tell the sides of a pair apart.
         let stream = if self.thinning.sample.is_some() { stream } else { 0 };
         let key = (path.to_path_buf(), stream);
@@ -55,7 +62,7 @@ impl Clouds {
         let mut fresh = false;
         let read = cell.get_or_init(|| {
             fresh = true;
-            let cloud = io::read(path).and_then(|cloud| self.thinning.apply(cloud, stream));
+            let cloud = read().and_then(|cloud| self.thinning.apply(cloud, stream));
             cloud.map(Arc::new).map_err(|error| error.to_string())
         });
         if fresh {
@@ -95,9 +102,27 @@ fn bytes(read: &Read) -> usize {
     AROUND + cloud.len() * 4 * (3 * triples + single)
 }
 
+/// Adds all that a cloud consists of to a hash.
+pub(super) fn add(hash: &mut Hash, cloud: &PointCloud) {
+    let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, .. } =
+        cloud.parts();
+    let mut many = |name: &str, numbers: &[f32]| {
+        hash.add(name);
+        hash.number(numbers.len() as f64);
+        numbers.iter().for_each(|&x| hash.number(x.into()));
+    };
+    many("points", points.as_flattened());
+    many("normals", normals.unwrap_or_default().as_flattened());
+    many("weights", &weights.unwrap_or_default());
+    channels.iter().for_each(|(name, values)| many(name, values));
+    let places = [Some(origin), Some(frame_origin), viewpoint];
+    places.iter().flatten().flatten().for_each(|&x| hash.number(x));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io;
 
     #[test]
     fn the_least_recently_used_goes_first() {
@@ -110,16 +135,16 @@ mod tests {
         let [a, b, c] = ["a.xyz", "b.xyz", "c.xyz"].map(file);
         let one = 512 + 4 * 12;
         let clouds = Clouds::new(Thinning::default(), 2 * one);
-        let first = clouds.get(&a, 0).unwrap();
-        clouds.get(&b, 0).unwrap();
+        let first = clouds.get(&a, 0, || io::read(&a)).unwrap();
+        clouds.get(&b, 0, || io::read(&b)).unwrap();
         // Held, whatever becomes of the file.
         std::fs::remove_file(&a).unwrap();
-        assert!(Arc::ptr_eq(&first, &clouds.get(&a, 1).unwrap()));
-        clouds.get(&c, 0).unwrap();
+        assert!(Arc::ptr_eq(&first, &clouds.get(&a, 1, || io::read(&a)).unwrap()));
+        clouds.get(&c, 0, || io::read(&c)).unwrap();
         assert_eq!(clouds.lock().bytes, 2 * one);
-        assert!(clouds.get(&a, 0).is_ok());
+        assert!(clouds.get(&a, 0, || io::read(&a)).is_ok());
         std::fs::remove_file(&b).unwrap();
-        assert!(clouds.get(&b, 0).unwrap_err().contains("b.xyz"));
+        assert!(clouds.get(&b, 0, || io::read(&b)).unwrap_err().contains("b.xyz"));
     }
 
     #[test]
@@ -129,7 +154,7 @@ mod tests {
         std::fs::write(&path, "0 0 0\n1 0 0\n").unwrap();
         let sample = Thinning { sample: Some(1), ..Thinning::default() };
         let clouds = Clouds::new(sample, 0);
-        assert_eq!(clouds.get(&path, 0).unwrap().len(), 1);
+        assert_eq!(clouds.get(&path, 0, || io::read(&path)).unwrap().len(), 1);
         assert!(clouds.lock().clouds.is_empty() && clouds.lock().bytes == 0);
     }
 }

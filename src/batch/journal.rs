@@ -185,7 +185,7 @@ impl Journal {
 }
 
 /// What a journal was begun with otherwise than `now`, if anything.
-fn difference(begun: &Value, now: &Value) -> Option<String> {
+pub(super) fn difference(begun: &Value, now: &Value) -> Option<String> {
     if begun.get("cfreg").is_none() {
         return Some("is no journal of this program: name another output or remove it".into());
     }

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::hash::Hash;
 use crate::error::{Error, Result};
+use crate::io;
 
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -48,6 +50,22 @@ impl List {
         Ok(List { folder: folder.into(), ..builder.list })
     }
 
+    /// Writes the list as CSV; a file that was there is replaced.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let failed = |error: csv::Error| csv_error(path, error);
+        // A name may begin as a comment does.
+        let mut table = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(Vec::new());
+        table.write_record(COLUMNS).map_err(failed)?;
+        for index in 0..self.len() {
+            table.write_record(self.pair(index)).map_err(failed)?;
+        }
+        let content = table.into_inner().map_err(|error| failed(error.into_error().into()))?;
+        io::write_bytes(path, &content)
+    }
+
     /// Number of pairs.
     pub fn len(&self) -> usize {
         self.pairs.len()
@@ -71,18 +89,11 @@ impl List {
         &self.folder
     }
 
-    /// A number that differs between lists of different pairs (FNV-1a, 64 bits).
+    /// A number that differs between lists of different pairs.
     pub(super) fn hash(&self) -> u64 {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        let mut add = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-        for index in 0..self.len() {
-            for name in self.pair(index) {
-                name.bytes().for_each(&mut add);
-                // In no UTF-8.
-                add(0xff);
-            }
-        }
-        hash
+        let mut hash = Hash::default();
+        (0..self.len()).flat_map(|index| self.pair(index)).for_each(|name| hash.add(name));
+        hash.value()
     }
 }
 
@@ -111,20 +122,23 @@ fn wrong(path: &Path, line: Option<usize>, what: impl Into<String>) -> Error {
     Error::Parse { path: path.into(), line, byte: None, what: what.into() }
 }
 
+/// What is wrong with a table in CSV, and where.
+pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
+    let line = error.position().map(|at| at.line() as usize);
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => Error::io(path, error),
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            wrong(path, line, format!("{len} values where the header has {expected_len}"))
+        }
+        csv::ErrorKind::Utf8 { err, .. } => wrong(path, line, err.to_string()),
+        other => wrong(path, line, format!("{other:?}")),
+    }
+}
+
 const COLUMNS: [&str; 2] = ["source", "target"];
 
 fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
-    let failed = |error: csv::Error| {
-        let line = error.position().map(|at| at.line() as usize);
-        match error.into_kind() {
-            csv::ErrorKind::Io(error) => Error::io(path, error),
-            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                wrong(path, line, format!("{len} values where the header has {expected_len}"))
-            }
-            csv::ErrorKind::Utf8 { err, .. } => wrong(path, line, err.to_string()),
-            other => wrong(path, line, format!("{other:?}")),
-        }
-    };
+    let failed = |error| csv_error(path, error);
     let mut reader =
         csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
     let header = reader.headers().map_err(failed)?;
@@ -189,6 +203,14 @@ mod tests {
         assert_eq!(list.hash(), same.hash());
         let other = List::new("", [["a.plyb.ply", ""], ["b.ply", "c.ply"]]);
         assert_ne!(list.hash(), other.hash());
+        let path = list.folder().join("again.csv");
+        fs::create_dir_all(list.folder()).unwrap();
+        let odd = List::new(list.folder(), [["a, b.ply", "\"c\".ply"], ["#d.ply", "e.ply"]]);
+        for list in [&list, &odd] {
+            list.write(&path).unwrap();
+            assert_eq!(&List::read(&path, list.folder()).unwrap(), list);
+        }
+        fs::remove_dir_all(list.folder()).unwrap();
     }
 
     #[test]

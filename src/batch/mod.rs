@@ -9,34 +9,51 @@
 //!
 //! Memory holds the clouds, and for each pair 24 bytes; the names of files once each.
 
+mod arising;
+mod cells;
 mod clouds;
+mod complete;
+mod graph;
+mod hash;
 mod journal;
 mod list;
 mod output;
+mod panics;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod places;
+pub mod results;
 mod row;
+mod watch;
 
-use std::any::Any;
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
+pub use arising::{consecutive, within};
+pub use cells::Column;
+pub use graph::{Graph, Tangent};
 pub use list::List;
+pub use panics::panics_go_to_rows;
+pub use places::Places;
 pub use row::Row;
 
 pub use crate::filter::Thinning;
 
 use self::clouds::Clouds;
+use self::hash::Hash;
 use self::journal::Journal;
 use self::output::Format;
+use self::watch::Watch;
+use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
+use crate::io;
 use crate::method::{Register, Registration};
 use crate::par::{self, Interrupt};
 
@@ -50,7 +67,8 @@ pub enum Start {
     #[default]
     Fresh,
     /// Go on from its journal; begin where there is none, and do nothing where there is an
-    /// output without a journal, which is complete.
+    /// output without a journal, which is complete. An output of another list is refused, and
+    /// Parquet, which keeps what it was made with, of other settings.
     Resume,
     /// Begin anew. An output that is there is replaced at the end.
     Overwrite,
@@ -75,6 +93,10 @@ pub enum Start {
 pub struct Batch<'a> {
     method: &'a dyn Register,
     settings: Value,
+    /// Clouds that are at hand, by the names that the list has for them; others are files.
+    pub given: HashMap<String, Arc<PointCloud>>,
+    /// What is known of where sensors stood; by default what the clouds say.
+    pub viewpoints: Viewpoints,
     /// How clouds are thinned; not at all by default.
     pub thinning: Thinning,
     /// Pairs that run beside each other, 0 (the default) for as many as there are cores.
@@ -82,14 +104,15 @@ pub struct Batch<'a> {
     /// Bytes of clouds that are kept for later pairs, beside those in use; default 1 GiB. More
     /// helps where pairs of a cloud are far apart in the list.
     pub memory: usize,
-    /// Time after which a pair is given up; its row has an `error`. None by default. Near the
-    /// limit it depends on the machine which pairs that are.
+    /// Time after which a pair is given up, the reading of its clouds counted; its row has an
+    /// `error`. None by default. Near the limit it depends on the machine which pairs that are.
     pub time_limit: Option<Duration>,
     /// Whether the results have the column `seconds`. Off by default: no two runs agree on it.
     pub times: bool,
     /// What to do where an earlier run has left something.
     pub start: Start,
-    /// Ends the run when it is requested, with [`Error::Interrupted`]; the journal is kept.
+    /// Ends the run when it is requested, with [`Error::Interrupted`]; the journal is kept. So
+    /// does the interrupt under which the caller works.
     pub interrupt: Interrupt,
 }
 
@@ -107,12 +130,21 @@ pub struct Summary {
     pub errors: usize,
 }
 
+impl Summary {
+    fn count(&mut self, row: &Row) {
+        self.trusted += usize::from(row.trusted == Some(true));
+        self.errors += usize::from(row.error.is_some());
+    }
+}
+
 impl<'a> Batch<'a> {
     /// By this method; `settings` is what it was made of, which a resumed run compares.
     pub fn new(method: &'a dyn Register, settings: &impl Serialize) -> Self {
         Batch {
             method,
             settings: serde_json::to_value(settings).unwrap_or_default(),
+            given: HashMap::new(),
+            viewpoints: Viewpoints::default(),
             thinning: Thinning::default(),
             threads: 0,
             memory: 1 << 30,
@@ -145,28 +177,52 @@ impl<'a> Batch<'a> {
         mut progress: impl FnMut(usize, usize),
     ) -> Result<Summary> {
         let format = Format::of(output)?;
-        par::check_threads(self.threads)?;
-        let path = Journal::beside(output);
+        self.check()?;
+        let (path, header) = (Journal::beside(output), self.header(list));
         if self.complete(output, &path)? {
-            let pairs = list.len();
-            return Ok(Summary { pairs, resumed: pairs, ..Summary::default() });
+            return complete::summary(output, format, list, &header);
         }
         let resume = self.start == Start::Resume;
-        let mut journal = Journal::open(&path, &self.header(list), list.len(), resume)?;
+        let mut journal = Journal::open(&path, &header, list.len(), resume)?;
         let resumed = journal.done();
         progress(resumed, list.len());
-        self.register(list, &mut journal, &mut progress)?;
+        self.register(list, journal.missing(), |row| {
+            journal.add(&row)?;
+            progress(journal.done(), list.len());
+            Ok(())
+        })?;
         journal.sync(Duration::ZERO)?;
         let mut summary = Summary { pairs: list.len(), resumed, ..Summary::default() };
-        let counted = journal.rows()?.inspect(|row| {
-            if let Ok(row) = row {
-                summary.trusted += usize::from(row.trusted == Some(true));
-                summary.errors += usize::from(row.error.is_some());
-            }
-        });
-        format.write(output, counted, self.times)?;
+        let counted = journal.rows()?.inspect(|row| row.iter().for_each(|row| summary.count(row)));
+        format.write(output, counted, self.times, &header)?;
         journal.remove()?;
         Ok(summary)
+    }
+
+    /// Registers every pair of `list`, and keeps the rows, in the order of the list, instead of
+    /// writing them; `progress` is called with the pairs done and all of them.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for settings that will not do; [`Error::Interrupted`].
+    pub fn rows(&self, list: &List, mut progress: impl FnMut(usize, usize)) -> Result<Vec<Row>> {
+        self.check()?;
+        progress(0, list.len());
+        let mut rows = vec![Row::default(); list.len()];
+        let mut done = 0;
+        self.register(list, (0..list.len()).collect(), |row| {
+            let index = row.index;
+            rows[index] = row;
+            done += 1;
+            progress(done, list.len());
+            Ok(())
+        })?;
+        Ok(rows)
+    }
+
+    /// Refuses what would make an error of every row.
+    fn check(&self) -> Result<()> {
+        par::check_threads(self.threads)?;
+        self.thinning.validate()
     }
 
     /// Looks at what an earlier run has left: whether that is all there is to do.
@@ -196,48 +252,61 @@ impl<'a> Batch<'a> {
             "list": format!("{:016x}", list.hash()),
             "pairs": list.len(),
             "folder": list.folder(),
+            "clouds": (!self.given.is_empty()).then(|| format!("{:016x}", self.content())),
             "method": self.settings,
+            "viewpoints": self.viewpoints,
             "thinning": self.thinning,
             "time_limit": self.time_limit.map(|limit| limit.as_secs_f64()),
         })
     }
 
-    /// Registers the pairs that are not in the journal.
+    /// A number that differs between clouds that are given.
+    fn content(&self) -> u64 {
+        let mut names: Vec<&String> = self.given.keys().collect();
+        names.sort();
+        let mut hash = Hash::default();
+        for name in names {
+            hash.add(name);
+            clouds::add(&mut hash, &self.given[name]);
+        }
+        hash.value()
+    }
+
+    /// Registers these pairs, and gives each row to `give` as it comes, in no fixed order.
     fn register(
         &self,
         list: &List,
-        journal: &mut Journal,
-        progress: &mut impl FnMut(usize, usize),
+        pairs: Vec<usize>,
+        mut give: impl FnMut(Row) -> Result<()>,
     ) -> Result<()> {
         let clouds = Clouds::new(self.thinning, self.memory);
         let watch = Watch::default();
-        let missing = journal.missing().into_iter();
+        let ended = || self.interrupt.is_requested() || par::requested();
         let mut failed = None;
         let take = |row: Option<Option<Row>>| {
-            if self.interrupt.is_requested() {
+            if ended() {
                 watch.end_all();
                 return ControlFlow::Break(());
             }
             watch.end_late(self.time_limit);
             let Some(row) = row.flatten() else { return ControlFlow::Continue(()) };
-            if let Err(error) = journal.add(&row) {
+            if let Err(error) = give(row) {
                 failed = Some(error);
                 watch.end_all();
                 return ControlFlow::Break(());
             }
-            progress(journal.done(), list.len());
             ControlFlow::Continue(())
         };
         par::crew(
             self.threads,
-            missing,
+            pairs.into_iter(),
             |index| self.row(index, list, &clouds, &watch),
             TICK,
             take,
         )?;
         match failed {
             Some(error) => Err(error),
-            None if self.interrupt.is_requested() => Err(Error::Interrupted),
+            None if ended() => Err(Error::Interrupted),
             None => Ok(()),
         }
     }
@@ -248,20 +317,25 @@ impl<'a> Batch<'a> {
         let mut row = Row::new(index, names);
         let mut seconds = None;
         let guarded = AssertUnwindSafe(|| -> std::result::Result<Registration, String> {
-            let [source, target] = names.map(|name| list.folder().join(name));
-            let (source, target) = (clouds.get(&source, 0)?, clouds.get(&target, 1)?);
-            let start = Instant::now();
-            let interrupt = watch.begin(index);
-            let found = interrupt.guard(|| self.method.register(&source, &target));
-            seconds = Some(start.elapsed().as_secs_f64());
-            found.and_then(|found| found).map_err(|error| match (error, self.time_limit) {
+            let found = watch.begin(index).guard(|| {
+                let [source, target] = names;
+                let source = self.cloud(list.folder(), source, 0, clouds)?;
+                let target = self.cloud(list.folder(), target, 1, clouds)?;
+                par::checkpoint();
+                let start = Instant::now();
+                let found = self.method.register(&source, &target);
+                seconds = Some(start.elapsed().as_secs_f64());
+                found.map_err(|error| error.to_string())
+            });
+            found.unwrap_or_else(|error| match (error, self.time_limit) {
                 (Error::Interrupted, Some(limit)) => {
-                    format!("the time limit of {} s ran out", limit.as_secs_f64())
+                    Err(format!("the time limit of {} s ran out", limit.as_secs_f64()))
                 }
-                (error, _) => error.to_string(),
+                (error, _) => Err(error.to_string()),
             })
         });
-        let found = catch_unwind(guarded).unwrap_or_else(|panic| Err(words(panic.as_ref())));
+        let found =
+            catch_unwind(guarded).unwrap_or_else(|panic| Err(panics::words(panic.as_ref())));
         if watch.finish(index) {
             return None;
         }
@@ -272,60 +346,16 @@ impl<'a> Batch<'a> {
         row.seconds = seconds;
         Some(row)
     }
-}
 
-/// What a panic said.
-fn words(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-    format!("a bug, please report it: {text}")
-}
-
-/// The pairs that are being registered, and since when.
-#[derive(Default)]
-struct Watch(Mutex<Watched>);
-
-#[derive(Default)]
-struct Watched {
-    running: HashMap<usize, (Instant, Interrupt)>,
-    ended: bool,
-}
-
-impl Watch {
-    fn lock(&self) -> MutexGuard<'_, Watched> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// What the pair is to run under.
-    fn begin(&self, index: usize) -> Interrupt {
-        let interrupt = Interrupt::default();
-        let mut watched = self.lock();
-        if watched.ended {
-            interrupt.request();
-        }
-        watched.running.insert(index, (Instant::now(), interrupt.clone()));
-        interrupt
-    }
-
-    /// Whether all work is to end.
-    fn finish(&self, index: usize) -> bool {
-        let mut watched = self.lock();
-        watched.running.remove(&index);
-        watched.ended
-    }
-
-    fn end_late(&self, limit: Option<Duration>) {
-        let Some(limit) = limit else { return };
-        for (begun, interrupt) in self.lock().running.values() {
-            if begun.elapsed() > limit {
-                interrupt.request();
-            }
-        }
-    }
-
-    fn end_all(&self) {
-        let mut watched = self.lock();
-        watched.ended = true;
-        watched.running.values().for_each(|(_, interrupt)| interrupt.request());
+    /// The cloud of that name, thinned for that side of a pair.
+    fn cloud(&self, folder: &Path, name: &str, side: u64, clouds: &Clouds) -> clouds::Read {
+        let path = folder.join(name);
+        clouds.get(&path, side, || {
+            let cloud = match self.given.get(name) {
+                Some(given) => given.as_ref().clone(),
+                None => io::read(&path)?,
+            };
+            self.viewpoints.apply(cloud)
+        })
     }
 }

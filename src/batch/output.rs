@@ -4,8 +4,10 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use serde_json::Value;
+
 use super::Row;
-use super::row::Flat;
+use super::cells::Flat;
 use crate::error::{Error, Result};
 
 /// Kinds of files that results are written to.
@@ -35,13 +37,23 @@ impl Format {
         }
     }
 
-    /// Writes rows to `path`, under another name until all of them are on the disk: the file is
+    /// What the run that wrote `path` was asked for, of kinds that keep it.
+    pub(super) fn asked_for(self, path: &Path) -> Result<Option<Value>> {
+        match self {
+            #[cfg(feature = "parquet")]
+            Format::Parquet => super::parquet::asked_for(path),
+            _ => Ok(None),
+        }
+    }
+
+    /// Writes rows to `path`, which may have in it what they were asked for by, under another name until all of them are on the disk: the file is
     /// there whole or not at all.
     pub(super) fn write(
         self,
         path: &Path,
         rows: impl Iterator<Item = Result<Row>>,
         times: bool,
+        asked_for: &Value,
     ) -> Result<()> {
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(".tmp");
@@ -52,7 +64,7 @@ impl Format {
                 Format::Csv => csv(&file, rows, times, &failed)?,
                 Format::JsonLines => json_lines(&file, rows, times, &failed)?,
                 #[cfg(feature = "parquet")]
-                Format::Parquet => super::parquet::write(&file, rows, times, &failed)?,
+                Format::Parquet => super::parquet::write(&file, rows, times, asked_for, &failed)?,
                 #[cfg(not(feature = "parquet"))]
                 Format::Parquet => {}
             }

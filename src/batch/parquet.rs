@@ -1,5 +1,6 @@
 //! Parquet: the only place that names the crate.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,14 +10,17 @@ use std::sync::Arc;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::record::Field;
 use parquet::schema::types::Type;
 
+use serde_json::Value;
+
 use super::Row;
-use super::row::Cell;
+use super::cells::Cell;
 use crate::error::{Error, Result};
 
 /// Rows that are in memory at once, when they are written.
@@ -31,13 +35,8 @@ pub(super) fn pairs(
     columns: [&str; 2],
     mut take: impl FnMut(usize, [Option<String>; 2]) -> Result<()>,
 ) -> Result<()> {
-    let wrong = |what: String| Error::Parse { path: path.into(), line: None, byte: None, what };
-    let file = File::open(path).map_err(|error| Error::io(path, error))?;
-    // The crate is not proof against every file that was made to break it.
-    let guarded = AssertUnwindSafe(|| {
-        let refuse =
-            |error: ParquetError| wrong(format!("is not Parquet that can be read: {error}"));
-        let reader = SerializedFileReader::new(file).map_err(refuse)?;
+    let wrong = |what: String| wrong(path, what);
+    guarded(path, |reader| {
         let schema = reader.metadata().file_metadata().schema();
         let mut fields = Vec::new();
         for name in columns {
@@ -49,9 +48,10 @@ pub(super) fn pairs(
             fields.push(field.clone());
         }
         let narrow = Type::group_type_builder(schema.name()).with_fields(fields).build();
-        let rows = reader.get_row_iter(Some(narrow.map_err(refuse)?)).map_err(refuse)?;
+        let rows = reader.get_row_iter(Some(narrow.map_err(refuse(path))?));
+        let rows = rows.map_err(refuse(path))?;
         for (row, number) in rows.zip(1..) {
-            let row = row.map_err(refuse)?;
+            let row = row.map_err(refuse(path))?;
             let find = |name: &str| {
                 let field = row.get_column_iter().find(|(column, _)| *column == name);
                 match field.map(|(_, field)| field) {
@@ -67,8 +67,70 @@ pub(super) fn pairs(
             take(number, [find(columns[0])?, find(columns[1])?])?;
         }
         Ok(())
-    });
-    catch_unwind(guarded).unwrap_or_else(|_| Err(wrong("is not Parquet that can be read".into())))
+    })
+}
+
+/// Calls `take` with the number (from 1) and the cells of each row, by the names of their columns.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet.
+pub(super) fn rows(
+    path: &Path,
+    mut take: impl FnMut(usize, HashMap<&str, Value>) -> Result<()>,
+) -> Result<()> {
+    guarded(path, |reader| {
+        for (row, number) in reader.get_row_iter(None).map_err(refuse(path))?.zip(1..) {
+            let row = row.map_err(refuse(path))?;
+            let cells = row.get_column_iter().map(|(name, field)| {
+                let cell = match field {
+                    Field::Str(text) => text.as_str().into(),
+                    Field::Bool(flag) => (*flag).into(),
+                    Field::Int(count) => (*count).into(),
+                    Field::Long(count) => (*count).into(),
+                    Field::Float(number) => f64::from(*number).into(),
+                    Field::Double(number) => (*number).into(),
+                    _ => Value::Null,
+                };
+                (name.as_str(), cell)
+            });
+            take(number, cells.collect())?;
+        }
+        Ok(())
+    })
+}
+
+/// What a run wrote into its file of what it was asked for.
+///
+/// # Errors
+/// Those of [`rows`].
+pub(super) fn asked_for(path: &Path) -> Result<Option<Value>> {
+    guarded(path, |reader| {
+        let facts = reader.metadata().file_metadata().key_value_metadata();
+        let fact = facts.and_then(|facts| facts.iter().find(|fact| fact.key == KEY));
+        Ok(fact.and_then(|fact| serde_json::from_str(fact.value.as_ref()?).ok()))
+    })
+}
+
+/// Under which a file has what its run was asked for.
+const KEY: &str = "cfreg";
+
+/// Calls `work` with a file. The crate is not proof against every file that was made to break it.
+fn guarded<T>(
+    path: &Path,
+    work: impl FnOnce(SerializedFileReader<File>) -> Result<T>,
+) -> Result<T> {
+    let file = File::open(path).map_err(|error| Error::io(path, error))?;
+    let guarded = AssertUnwindSafe(|| work(SerializedFileReader::new(file).map_err(refuse(path))?));
+    let broken = |_| Err(wrong(path, "is not Parquet that can be read".into()));
+    catch_unwind(guarded).unwrap_or_else(broken)
+}
+
+fn refuse(path: &Path) -> impl Fn(ParquetError) -> Error {
+    move |error| wrong(path, format!("is not Parquet that can be read: {error}"))
+}
+
+fn wrong(path: &Path, what: String) -> Error {
+    Error::Parse { path: path.into(), line: None, byte: None, what }
 }
 
 /// Writes rows, every column but `index`, `source` and `target` nullable.
@@ -76,11 +138,13 @@ pub(super) fn write(
     file: &File,
     mut rows: impl Iterator<Item = Result<Row>>,
     times: bool,
+    asked_for: &Value,
     failed: &impl Fn(io::Error) -> Error,
 ) -> Result<()> {
     let refuse = |error: ParquetError| failed(system(error));
     let properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
+        .set_key_value_metadata(Some(vec![KeyValue::new(KEY.into(), asked_for.to_string())]))
         .set_created_by(concat!("cfreg ", env!("CARGO_PKG_VERSION")).into())
         .build();
     let schema = schema(times).map_err(refuse)?;

@@ -1,19 +1,20 @@
 //! What is told of a pair.
 
-use serde::ser::SerializeMap;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
+use super::cells::Cell;
 use crate::cloud::Transform;
+use crate::math::cholesky::Mat6;
 use crate::method::Registration;
-use crate::quality::PoseCovariance;
 
 /// One pair: its pose, and how far to trust it. What a method does not tell is `None`, an empty
 /// cell in CSV and null in JSON Lines and Parquet; a pair without an answer has `index`,
 /// `source`, `target` and `error` alone.
 ///
 /// Columns have the names of the fields, but for `pose`, which is `t00` to `t33`, row by row,
-/// `covariance`, which is `cov00`, `cov01` to `cov05`, `cov11` to `cov55`, and `center`, which is
-/// `center_x`, `center_y`, `center_z`.
+/// `covariance`, which is `cov00`, `cov01` to `cov05`, `cov11` to `cov55`, `information`, which is
+/// `info00` to `info55`, and `center`, which is `center_x`, `center_y`, `center_z`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Row {
@@ -45,7 +46,9 @@ pub struct Row {
     /// (the target's unit), of a motion about `center` after the pose
     /// ([`PoseCovariance`]).
     pub covariance: Option<[f64; 21]>,
-    /// What turns of `covariance` are about, in the target's frame.
+    /// Its inverse, as an edge of a graph of poses weighs it: 0 along motions that nothing holds.
+    pub information: Option<[f64; 21]>,
+    /// What turns of both are about, in the target's frame.
     pub center: Option<[f64; 3]>,
     /// Motions, of six, that nothing holds.
     pub undetermined: Option<usize>,
@@ -88,7 +91,8 @@ impl Row {
             self.overlap = finite(verdict.overlap);
             self.reasons = Some(verdict.reasons.join("; ")).filter(|words| !words.is_empty());
             if let Some(covariance) = &verdict.covariance {
-                self.covariance = Some(triangle(covariance));
+                self.covariance = Some(triangle(&covariance.matrix));
+                self.information = covariance.information().as_ref().map(triangle);
                 self.center = Some(covariance.center);
                 self.undetermined = Some(covariance.undetermined.len());
             }
@@ -127,11 +131,13 @@ impl Row {
             cells.push((format!("t{}{}", k / 4, k % 4), entry));
         }
         cells.push(("scale".into(), Cell::Number(self.scale)));
-        for (k, (i, j)) in upper().enumerate() {
-            let entry = Cell::Number(self.covariance.map(|covariance| covariance[k]));
-            cells.push((format!("cov{i}{j}"), entry));
+        for (name, triangle) in [("cov", self.covariance), ("info", self.information)] {
+            for k in 0..21 {
+                let number = Cell::Number(triangle.map(|triangle| triangle[k]));
+                cells.push((entry(name, k), number));
+            }
         }
-        for (axis, name) in ["center_x", "center_y", "center_z"].into_iter().enumerate() {
+        for (axis, name) in CENTER.into_iter().enumerate() {
             cells.push((name.into(), Cell::Number(self.center.map(|center| center[axis]))));
         }
         let rest = [
@@ -153,49 +159,86 @@ impl Row {
     }
 }
 
-/// What stands in a column.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Cell<'a> {
-    Text(Option<&'a str>),
-    Flag(Option<bool>),
-    Count(Option<i64>),
-    Number(Option<f64>),
-}
-
-impl Cell<'_> {
-    /// As CSV has it, every digit kept; nothing for `None`.
-    pub(super) fn word(&self) -> String {
-        match self {
-            Cell::Text(text) => text.unwrap_or_default().into(),
-            Cell::Flag(flag) => flag.map_or_else(String::new, |flag| flag.to_string()),
-            Cell::Count(count) => count.map_or_else(String::new, |count| count.to_string()),
-            Cell::Number(number) => number.map_or_else(String::new, |x| format!("{x:?}")),
-        }
+impl Row {
+    /// The row whose cells `get` has by the names of their columns, as JSON or as words of CSV.
+    ///
+    /// # Errors
+    /// What is wrong with which column.
+    pub(super) fn read(get: impl Fn(&str) -> Option<Value>) -> Result<Row, String> {
+        let cell = |name: &str| match get(name) {
+            None | Some(Value::Null) => None,
+            Some(Value::String(word)) if word.is_empty() => None,
+            Some(value) => Some(value),
+        };
+        let needed = |name: &str| cell(name).ok_or_else(|| format!("column {name}: nothing in it"));
+        let text = |name: &str| match cell(name) {
+            None => Ok(None),
+            Some(Value::String(text)) => Ok(Some(text)),
+            Some(value) => Err(format!("column {name}: {value} is not a text")),
+        };
+        let flag = |name: &str| match cell(name) {
+            None => Ok(None),
+            Some(Value::Bool(flag)) => Ok(Some(flag)),
+            Some(Value::String(word)) if word == "true" => Ok(Some(true)),
+            Some(Value::String(word)) if word == "false" => Ok(Some(false)),
+            Some(value) => Err(format!("column {name}: {value} is neither true nor false")),
+        };
+        let number = |name: &str| {
+            let Some(value) = cell(name) else { return Ok(None) };
+            let found = value.as_f64().or_else(|| value.as_str()?.parse().ok());
+            match found.filter(|number| number.is_finite()) {
+                Some(number) => Ok(Some(number)),
+                None => Err(format!("column {name}: {value} is not a number")),
+            }
+        };
+        let count = |name: &str| match number(name)? {
+            Some(count) if count < 0.0 || count.fract() != 0.0 => {
+                Err(format!("column {name}: {count} is not a count"))
+            }
+            count => Ok(count.map(|count| count as usize)),
+        };
+        let name =
+            |name: &str| needed(name).and_then(|_| text(name)).map(Option::unwrap_or_default);
+        Ok(Row {
+            index: needed("index").and_then(|_| count("index"))?.unwrap_or_default(),
+            source: name("source")?,
+            target: name("target")?,
+            error: text("error")?,
+            trusted: flag("trusted")?,
+            doubts: text("doubts")?,
+            decision: text("decision")?,
+            probability: number("probability")?,
+            overlap: number("overlap")?,
+            reasons: text("reasons")?,
+            pose: numbers(|k| number(&format!("t{}{}", k / 4, k % 4)))?,
+            scale: number("scale")?,
+            covariance: numbers(|k| number(&entry("cov", k)))?,
+            information: numbers(|k| number(&entry("info", k)))?,
+            center: numbers(|k| number(CENTER[k]))?,
+            undetermined: count("undetermined")?,
+            fitness: number("fitness")?,
+            target_fitness: number("target_fitness")?,
+            inlier_rmse: number("inlier_rmse")?,
+            max_distance: number("max_distance")?,
+            agreement: number("agreement")?,
+            source_points: count("source_points")?,
+            target_points: count("target_points")?,
+            iterations: count("iterations")?,
+            seconds: number("seconds")?,
+        })
     }
 }
 
-impl Serialize for Cell<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Cell::Text(text) => text.serialize(serializer),
-            Cell::Flag(flag) => flag.serialize(serializer),
-            Cell::Count(count) => count.serialize(serializer),
-            Cell::Number(number) => number.serialize(serializer),
-        }
+/// All of them, or nothing where one is missing.
+fn numbers<const N: usize>(
+    get: impl Fn(usize) -> Result<Option<f64>, String>,
+) -> Result<Option<[f64; N]>, String> {
+    let mut all = [0.0; N];
+    for (k, value) in all.iter_mut().enumerate() {
+        let Some(number) = get(k)? else { return Ok(None) };
+        *value = number;
     }
-}
-
-/// A row as one object without any within, as JSON Lines have it.
-pub(super) struct Flat<'a>(pub(super) &'a [(String, Cell<'a>)]);
-
-impl Serialize for Flat<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.0.len()))?;
-        for (name, cell) in self.0 {
-            map.serialize_entry(name, cell)?;
-        }
-        map.end()
-    }
+    Ok(Some(all))
 }
 
 /// JSON, in which rows are kept, has neither NaN nor infinity.
@@ -209,22 +252,43 @@ fn entries(transform: &Transform) -> [f64; 16] {
     std::array::from_fn(|k| matrix[k / 4][k % 4] + 0.0)
 }
 
+const CENTER: [&str; 3] = ["center_x", "center_y", "center_z"];
+
+/// The name of an entry of an upper triangle.
+fn entry(name: &str, k: usize) -> String {
+    let (i, j) = upper().nth(k).unwrap_or_default();
+    format!("{name}{i}{j}")
+}
+
 /// Rows and columns of the upper triangle of a 6×6 matrix.
-fn upper() -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn upper() -> impl Iterator<Item = (usize, usize)> {
     (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
 }
 
-fn triangle(covariance: &PoseCovariance) -> [f64; 21] {
+fn triangle(matrix: &Mat6) -> [f64; 21] {
     let mut triangle = [0.0; 21];
     for (value, (i, j)) in triangle.iter_mut().zip(upper()) {
-        *value = covariance.matrix[i][j];
+        *value = matrix[i][j];
     }
     triangle
 }
 
+/// The symmetric matrix with that upper triangle.
+pub(super) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
+    let mut matrix = [[0.0; 6]; 6];
+    for (&value, (i, j)) in triangle.iter().zip(upper()) {
+        matrix[i][j] = value;
+        matrix[j][i] = value;
+    }
+    matrix
+}
+
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
+
     use super::*;
+    use crate::batch::cells::{Column, Flat};
 
     #[test]
     fn a_row_comes_back_from_json_to_the_last_bit() {
@@ -232,6 +296,7 @@ mod tests {
         let empty = row.clone();
         row.pose = Some(std::array::from_fn(|k| 1.0 / (k as f64 - 14.5)));
         row.covariance = Some(std::array::from_fn(|k| (k as f64).sqrt() * 1e-300));
+        row.information = Some(std::array::from_fn(|k| k as f64));
         row.center = Some([0.1, 0.2, 0.3]);
         row.seconds = Some(0.1);
         let text = serde_json::to_string(&row).unwrap();
@@ -247,9 +312,30 @@ mod tests {
             row.cells(true).iter().map(|(name, cell)| (name.clone(), kind(cell))).collect()
         };
         assert_eq!(columns(&row), columns(&empty));
+        let of = Column::of(&[row.clone(), empty.clone()], true);
+        assert_eq!(of[0], ("index".into(), Column::Count(vec![Some(3), Some(3)])));
+        assert_eq!(of[1].1, Column::Text(vec![Some("a,b.ply".into()), Some("a,b.ply".into())]));
+        assert_eq!(of.last().unwrap().1, Column::Number(vec![Some(0.1), None]));
         assert_eq!(row.cells(false).len() + 1, row.cells(true).len());
         let flat = serde_json::to_value(Flat(&row.cells(true))).unwrap();
         assert_eq!((&flat["t33"], &flat["center_z"]), (&2.0.into(), &0.3.into()));
+        // And back from what is written.
+        let read = |cells: &[(String, Cell)]| {
+            let words: HashMap<_, _> =
+                cells.iter().map(|(name, cell)| (name, cell.word())).collect();
+            Row::read(|name| words.get(&name.to_string()).map(|word| word.as_str().into()))
+        };
+        assert_eq!(Row::read(|name| flat.get(name).cloned()), Ok(row.clone()));
+        assert_eq!(read(&row.cells(true)), Ok(row.clone()));
+        assert_eq!(read(&empty.cells(false)), Ok(empty.clone()));
+        let broken = |column: &'static str, value: Value| {
+            let get =
+                |name: &str| Some(if name == column { &value } else { flat.get(name)? }.clone());
+            Row::read(get).unwrap_err()
+        };
+        assert!(broken("t00", "x".into()).contains("column t00: \"x\" is not a number"));
+        assert!(broken("undetermined", (-1).into()).contains("not a count"));
+        assert!(broken("source", Value::Null).contains("nothing in it"));
         assert_eq!(flat["cov55"], 20f64.sqrt() * 1e-300);
         assert!(
             flat["error"].is_null() && flat.as_object().unwrap().len() == row.cells(true).len()

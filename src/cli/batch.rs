@@ -9,6 +9,7 @@ use indicatif::ProgressStyle;
 use super::options::MethodOptions;
 use super::{Outcome, outputs, progress, say};
 use crate::batch::{self, List, Start};
+use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::par::Interrupt;
@@ -36,6 +37,10 @@ pub(super) struct Batch {
     /// Clouds kept for later pairs, in bytes or with a unit: 512MB, 4GiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     memory: usize,
+    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
+    /// each file's frame, where it says nothing), none (unknown)
+    #[arg(long, value_name = "WHERE", default_value_t)]
+    viewpoints: Viewpoints,
     /// Give a pair up after so many seconds; which pairs come near the limit depends on the
     /// machine
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
@@ -56,6 +61,7 @@ impl Batch {
         let own = self.pairs.parent().unwrap_or(Path::new(""));
         let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
         let mut batch = batch::Batch::new(&method, &method);
+        batch.viewpoints = self.viewpoints;
         batch.thinning = thinning;
         batch.threads = self.method.threads.unwrap_or(0);
         batch.memory = self.memory;
@@ -67,6 +73,7 @@ impl Batch {
             _ => Start::Fresh,
         };
         end_by_ctrl_c(batch.interrupt.clone())?;
+        batch::panics_go_to_rows();
         let bar = progress(list.len() as u64, "pairs");
         let style = "{msg} {wide_bar} {pos}/{len} {per_sec} {eta}";
         bar.set_style(ProgressStyle::with_template(style).unwrap_or(ProgressStyle::default_bar()));
@@ -83,11 +90,10 @@ impl Batch {
         bar.finish_and_clear();
         let output = self.output.display();
         match done {
-            Ok(done) if done.resumed == done.pairs && done.trusted + done.errors == 0 => {
-                say(&format!("cfreg: {output} is complete: nothing to resume\n"));
-                Ok(Outcome::Trusted)
-            }
             Ok(done) => {
+                if done.resumed == done.pairs {
+                    say(&format!("cfreg: {output} is complete: nothing to resume\n"));
+                }
                 let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
                 say(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
                 Ok(Outcome::Trusted)

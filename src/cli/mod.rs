@@ -7,8 +7,10 @@ mod batch;
 mod benchmark;
 mod clouds;
 mod evaluate;
+mod graph;
 mod options;
 mod outputs;
+mod pairs;
 mod register;
 mod reproduce;
 mod thinning;
@@ -51,8 +53,12 @@ enum Command {
     Accuracy(trials::Accuracy),
     /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
     Benchmark(benchmark::Benchmark),
+    /// Make a list of pairs: consecutive scans, scans of a map, scans near each other
+    Pairs(pairs::Pairs),
     /// Register a list of pairs, one row of results a pair; goes on where it was cut short
     Batch(batch::Batch),
+    /// Make a graph of poses (g2o) of the accepted ones among results of a list
+    Graph(graph::ToGraph),
     /// The paper's experiments: every trial, and its tables beside the printed ones
     Reproduce(reproduce::Reproduce),
 }
@@ -75,7 +81,9 @@ pub fn main(meter: Option<Meter>) -> ExitCode {
         Command::Demo(command) => command.run(),
         Command::Accuracy(command) => command.run(),
         Command::Benchmark(command) => command.run(),
+        Command::Pairs(command) => command.run(),
         Command::Batch(command) => command.run(),
+        Command::Graph(command) => command.run(),
         Command::Reproduce(command) => command.run(meter),
     };
     match outcome {

@@ -127,7 +127,7 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`] when the system refuses; an old file is then still as it was.
-#[cfg(feature = "figures")]
+#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
     replace(path, |out| out.write_all(content))
 }

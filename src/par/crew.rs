@@ -1,5 +1,6 @@
 //! Many pieces of work beside each other, each of them on one thread.
 
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
@@ -7,8 +8,19 @@ use std::time::Duration;
 use super::loops::check_threads;
 use crate::error::{Error, Result};
 
+thread_local! {
+    /// Whether this thread is of a crew.
+    static MEMBER: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether the caller is one of a [`crew`], whose work stays on its thread.
+pub fn in_crew() -> bool {
+    MEMBER.get()
+}
+
 /// Calls `work` with each of `items`, in order, on `threads` threads beside the caller's (0: as
-/// many as there are cores); the parallel loops within a call stay on its thread.
+/// many as there are cores); the parallel loops within a call stay on its thread, also those
+/// [`with_threads`](super::with_threads) of another number: so many run beside each other already.
 ///
 /// The caller's thread gives `take` each result as it comes, in no fixed order, and `None` at
 /// least every `tick`. After a break no more items are begun; those begun are waited for, and
@@ -49,6 +61,7 @@ pub fn crew<I: Send, T: Send>(
     // A few results may wait, so that nobody stands still while one is written.
     let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
     let worker = |give: mpsc::SyncSender<Result<T, String>>| {
+        MEMBER.set(true);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
         let pool = match pool {
             Ok(pool) => pool,
@@ -93,19 +106,22 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::par::map;
+    use crate::par::{map, with_threads};
 
     #[test]
     fn loops_within_stay_on_the_thread() {
         let id = || std::thread::current().id();
-        let alone = |_| map(100, || (), |_, _| id()).iter().all(|&other| other == id());
+        let alone = |_| {
+            let ids = with_threads(2, || map(100, || (), |_, _| id())).unwrap();
+            in_crew() && ids.iter().all(|&other| other == id())
+        };
         let mut seen = 0;
         let take = |one: Option<bool>| {
             seen += usize::from(one.inspect(|alone| assert!(alone)).is_some());
             ControlFlow::Continue(())
         };
         crew(3, 0..20, alone, Duration::from_secs(1), take).unwrap();
-        assert_eq!(seen, 20);
+        assert_eq!((seen, in_crew()), (20, false));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::crew::in_crew;
 use super::interrupt::{Interrupt, checkpoint, enter};
 use crate::error::{Error, Result};
 
@@ -11,7 +12,8 @@ use crate::error::{Error, Result};
 pub const MOST_THREADS: usize = 1024;
 
 /// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
-/// machine has cores (or as the pool has in which the caller already is).
+/// machine has cores (or as the pool has in which the caller already is). Within a
+/// [`crew`](super::crew) on the caller's alone, whatever `threads` says.
 ///
 /// # Errors
 /// [`Error::Config`] for more than [`MOST_THREADS`], or when the system does not give that
@@ -23,10 +25,10 @@ pub const MOST_THREADS: usize = 1024;
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
-    if threads == 0 {
+    check_threads(threads)?;
+    if threads == 0 || in_crew() {
         return Ok(work());
     }
-    check_threads(threads)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()

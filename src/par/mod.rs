@@ -9,7 +9,7 @@ mod crew;
 mod interrupt;
 mod loops;
 
-pub use crew::crew;
+pub use crew::{crew, in_crew};
 pub use interrupt::{Interrupt, checkpoint, requested, stop};
 pub use loops::{
     MOST_THREADS, both, check_threads, for_each_row, in_pool, map, map_blocks, on_new_thread,

@@ -1,7 +1,7 @@
 //! The face towards Python: translates, decides nothing.
 //!
 //! Only this folder names pyo3 and numpy. It makes the extension module `cfreg._native`, the
-//! ground floor of the package in the folder `cfreg` beside: here are clouds, features,
+//! ground floor of the package in the folder `python/cfreg`: here are clouds, features,
 //! moments and the calls of long work, there the methods, weights and results by their
 //! names in Python, and what is known of other libraries.
 //!
@@ -16,6 +16,7 @@
 
 mod any_cloud;
 mod arrays;
+mod batch;
 mod cloud;
 mod detached;
 mod doorway;
@@ -33,6 +34,8 @@ mod weights;
 mod _native {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use super::batch::{consecutive, read_batch, read_list, register_batch, within, write_g2o};
     #[pymodule_export]
     use super::cloud::PyCloud;
     #[pymodule_export]

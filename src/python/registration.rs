@@ -22,7 +22,7 @@ use crate::quality;
 use crate::weight::Normalization;
 
 /// Name and settings, as a JSON object.
-type Named = (String, String);
+pub(super) type Named = (String, String);
 
 /// What a registration may be given beside its method.
 struct Given {
@@ -46,9 +46,7 @@ pub(super) fn register(
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let first = method_of("method", &method)?;
-    let refinements = refinements.iter().map(|named| method_of("refine", named));
-    let refinements = refinements.collect::<PyResult<_>>()?;
+    let (first, refinements) = chain_of(&method, &refinements)?;
     let weights = match weights.map(|weights| Weights::read(weights, "weights")).transpose()? {
         Some(Weights::Own(own)) => Some((own, normalize.parse().map_err(exception)?)),
         Some(Weights::Named(_)) | None => None,
@@ -110,6 +108,13 @@ pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
     let method = method_of("method", &(name, settings))?;
     method.validate().map_err(exception)?;
     to_json(&method)
+}
+
+/// The first method and its refinements.
+pub(super) fn chain_of(method: &Named, refinements: &[Named]) -> PyResult<(Method, Vec<Method>)> {
+    let first = method_of("method", method)?;
+    let refinements = refinements.iter().map(|named| method_of("refine", named));
+    Ok((first, refinements.collect::<PyResult<_>>()?))
 }
 
 /// The method of that name with these settings, given as `argument`.

@@ -164,6 +164,32 @@ impl PoseCovariance {
         })
     }
 
+    /// The inverse of the matrix, but 0 along the motions that nothing holds: how much is known.
+    ///
+    /// `None` for a matrix that is not positive definite.
+    pub fn information(&self) -> Option<Mat6> {
+        let factor = cholesky::factor(&self.matrix)?;
+        let mut information = [[0.0; 6]; 6];
+        for (k, row) in information.iter_mut().enumerate() {
+            let unit: Vec6 = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+            *row = cholesky::solve(&factor, &unit);
+        }
+        // Along such a motion v, which does not go together with others, the matrix is v vᵀ: its
+        // inverse has u uᵀ with u the inverse times v.
+        let full = information;
+        for Motion { rotation: [a, b, c], translation: [x, y, z] } in &self.undetermined {
+            let motion = [a, b, c, x, y, z];
+            let along = full.map(|row| row.iter().zip(motion).map(|(i, v)| i * v).sum::<f64>());
+            for i in 0..6 {
+                (0..6).for_each(|j| information[i][j] -= along[i] * along[j]);
+            }
+        }
+        // Rounding must not break the symmetry.
+        Some(std::array::from_fn(|i| {
+            std::array::from_fn(|j| 0.5 * (information[i][j] + information[j][i]))
+        }))
+    }
+
     /// The squared error of `pose`, which this is the covariance of, against the true one, in
     /// units of what is expected: eᵀ Σ⁻¹ e, 6 in the mean where the covariance is right (less
     /// what is undetermined).
@@ -285,4 +311,52 @@ fn eigen(matrix: &Mat6) -> Option<(Vec6, [Vec6; 6])> {
     let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
     let values = std::array::from_fn(|k| eigen.S().column_vector()[k]);
     Some((values, std::array::from_fn(|k| std::array::from_fn(|i| eigen.U()[(i, k)]))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_known_along_what_is_undetermined() {
+        // A plane of radius 3: two shifts and a turn slide.
+        let radius: f64 = 3.0;
+        let slides = [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.6, 0.8, 0.0]];
+        let mut matrix = [[0.0; 6]; 6];
+        let held: [Vec6; 4] = [
+            [1.0, 0.5, 0.0, 0.0, 0.0, 0.2],
+            [0.0, 1.0, 0.0, 0.0, 0.0, -0.3],
+            [0.0, 0.0, 0.0, 0.8, -0.6, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        ];
+        let unit = |i: usize| if i < 3 { 1.0 } else { radius };
+        for (vectors, variance) in [(&held[..], 1e-6), (&slides[..], 1.0)] {
+            for v in vectors {
+                for i in 0..6 {
+                    (0..6).for_each(|j| matrix[i][j] += variance * unit(i) * unit(j) * v[i] * v[j]);
+                }
+            }
+        }
+        let scaled = |v: Vec6| Motion {
+            rotation: [v[0], v[1], v[2]],
+            translation: [v[3] * radius, v[4] * radius, v[5] * radius],
+        };
+        let undetermined = slides.map(scaled).to_vec();
+        let known = PoseCovariance { matrix, center: [0.0; 3], undetermined };
+        let information = known.information().unwrap();
+        let times = |a: &Mat6, v: &Vec6| a.map(|row| row.iter().zip(v).map(|(a, v)| a * v).sum());
+        for v in slides {
+            let of: Vec6 = times(&information, &std::array::from_fn(|i| unit(i) * v[i]));
+            assert!(of.iter().all(|x: &f64| x.abs() < 1e-8), "{of:?}");
+        }
+        for v in held {
+            // Where something is known it is the inverse.
+            let v: Vec6 = std::array::from_fn(|i| unit(i) * v[i]);
+            let back: Vec6 = times(&matrix, &times(&information, &v));
+            assert!(back.iter().zip(v).all(|(a, b)| (a - b).abs() < 1e-6), "{back:?} {v:?}");
+        }
+        let full = PoseCovariance { undetermined: Vec::new(), ..known };
+        let one = times(&full.information().unwrap(), &times(&matrix, &held[0]));
+        assert!(one.iter().zip(held[0]).all(|(a, b)| (a - b).abs() < 1e-6), "{one:?}");
+    }
 }

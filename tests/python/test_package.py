@@ -15,7 +15,7 @@ from pathlib import Path
 
 import cfreg
 import numpy as np
-from cfreg import _native, methods, results, weights
+from cfreg import _native, batch_results, methods, pairs, results, weights
 from shapes import terrain, turned
 
 HERE = Path(cfreg.__file__).parent
@@ -36,7 +36,8 @@ class Documentation(unittest.TestCase):
     def test_examples_run(self):
         finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner(verbose=False)
         examples = 0
-        modules = {"cfreg": cfreg, "weights": weights, "methods": methods, "results": results}
+        modules = {"cfreg": cfreg, "weights": weights, "methods": methods, "results": results, "pairs": pairs}
+        modules |= {"batch_results": batch_results, "register_batch": cfreg.register_batch}
         compiled = {name: getattr(_native, name) for name in dir(_native)}
         for name, thing in (modules | compiled).items():
             for test in finder.find(thing, name, globs={}):

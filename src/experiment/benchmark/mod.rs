@@ -21,11 +21,9 @@ pub use list::Pair;
 pub use others::Poses;
 pub use rule::Rule;
 
-pub use crate::cloud::Viewpoints;
-
 use self::clouds::Clouds;
 use self::kept::Kept;
-use crate::cloud::{PointCloud, Transform};
+use crate::cloud::{PointCloud, Transform, Viewpoints};
 use crate::error::Result;
 use crate::math::{self, Vec3};
 use crate::method::{Chain, Register, Registration};

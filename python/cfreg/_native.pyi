@@ -25,6 +25,7 @@ __all__ = [
     "TooFewPointsError",
     "__version__",
     "check_kernel",
+    "consecutive",
     "estimate_normals",
     "evaluate",
     "judge",
@@ -34,10 +35,15 @@ __all__ = [
     "moments",
     "moments_of_pairs",
     "read",
+    "read_batch",
+    "read_list",
     "register",
+    "register_batch",
     "settings",
     "solve",
+    "within",
     "write",
+    "write_g2o",
 ]
 
 __version__: Final[str]
@@ -180,6 +186,26 @@ def register(
     initial: _Matrix | None = None,
     matches: npt.NDArray[Any] | None = None,
 ) -> str: ...
+def register_batch(
+    pairs: Sequence[tuple[str, str]] | str | PathLike[str],
+    clouds: dict[str, Any],
+    folder: str | PathLike[str] | None,
+    method: tuple[str, str],
+    refinements: Sequence[tuple[str, str]],
+    settings: str,
+    output: str | PathLike[str] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Any: ...
+def read_list(path: str | PathLike[str]) -> list[tuple[str, str]]: ...
+def read_batch(path: str | PathLike[str]) -> dict[str, tuple[str, Any]]: ...
+def write_g2o(
+    path: str | PathLike[str],
+    rows: str,
+    rotations: str,
+    names: str | PathLike[str] | None,
+) -> tuple[int, int, int, int, int]: ...
+def consecutive(count: int, steps: Sequence[int]) -> list[tuple[int, int]]: ...
+def within(places: Sequence[Sequence[float]], radius: float) -> list[tuple[int, int]]: ...
 def settings(name: str, settings: str) -> str: ...
 def evaluate(
     source: _CloudLike,

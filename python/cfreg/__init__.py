@@ -8,9 +8,9 @@
 >>> found.trusted, round(found.angle_deg), found.transform.shape
 (True, 90, (4, 4))
 
-`register` does everything; `Consensus`, `CF`, `CFK`, `TEASER`, `ICP`, `KC`, `CPD` and `DARE` are
-its methods as objects. `read`, `write` and `PointCloud` hold clouds; `evaluate` looks at a pose,
-`judge` tells whether it is right.
+`register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFK`, `TEASER`,
+`ICP`, `KC`, `CPD` and `DARE` are its methods as objects. `read`, `write` and `PointCloud` hold
+clouds; `evaluate` looks at a pose, `judge` tells whether it is right.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -26,7 +26,7 @@ RegistrationError where the clouds do not determine an answer: TooFewPointsError
 DegenerateError. TypeError for what is no method, kernel or setting at all.
 """
 
-from . import weights
+from . import pairs, weights
 from ._native import (
     DegenerateError,
     Error,
@@ -50,6 +50,8 @@ from ._native import (
     solve,
     write,
 )
+from .batch import register_batch
+from .batch_results import BatchResult, BatchSummary, read_batch
 from .methods import (
     CF,
     CFK,
@@ -79,6 +81,8 @@ from .results import (
 )
 
 __all__ = [
+    "BatchResult",
+    "BatchSummary",
     "CF",
     "CFK",
     "CPD",
@@ -119,8 +123,11 @@ __all__ = [
     "method",
     "moments",
     "moments_of_pairs",
+    "pairs",
     "read",
+    "read_batch",
     "register",
+    "register_batch",
     "solve",
     "weights",
     "write",

@@ -65,12 +65,7 @@ class Method:
     def _register(
         self, source: Any, target: Any, refine: Refinements, **others: Any
     ) -> Registration:
-        if refine is None:
-            refine = ()
-        if isinstance(refine, (str, Method)) or not isinstance(refine, Sequence):
-            refine = [refine]
-        refinements = [_refinement(one) for one in refine]
-        found = _native.register(source, target, self._named(), refinements, **others)
+        found = _native.register(source, target, self._named(), _refinements(refine), **others)
         return Registration(json.loads(found))
 
     def __repr__(self) -> str:
@@ -78,6 +73,15 @@ class Method:
         fields = ((field, getattr(self, field.name)) for field in dataclasses.fields(self))
         given = [f"{field.name}={value!r}" for field, value in fields if value != field.default]
         return f"{type(self).__name__}({', '.join(given)})"
+
+
+def _refinements(refine: Refinements) -> list[tuple[str, str]]:
+    """Names and settings of all of them."""
+    if refine is None:
+        refine = ()
+    if isinstance(refine, (str, Method)) or not isinstance(refine, Sequence):
+        refine = [refine]
+    return [_refinement(one) for one in refine]
 
 
 def _refinement(given: Any) -> tuple[str, str]:

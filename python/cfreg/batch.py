@@ -1,0 +1,202 @@
+"""Pairs in bulk: a list of pairs, a row of results for each."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Union, overload
+
+import numpy as np
+
+from . import _interop, _native
+from .batch_results import BatchResult, BatchSummary
+from .methods import CF, Consensus, Method, _made
+from .methods.base import Refinements, _refinements
+
+__all__ = ["register_batch"]
+
+Pairs = Union[str, "os.PathLike[str]", Iterable[tuple[Any, Any]]]
+"""A file with a list, or pairs of files, names and clouds."""
+
+Progress = Callable[[int, int], object]
+"""Is told the pairs done and all of them."""
+
+
+@overload
+def register_batch(
+    pairs: Pairs,
+    method: str | Method = "consensus",
+    *,
+    output: None = None,
+    refine: Refinements = (),
+    clouds: Mapping[str, Any] | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    viewpoints: str = "file",
+    voxel: float | None = None,
+    sample: int | None = None,
+    seed: int = 0,
+    threads: int = 0,
+    memory: int = 1 << 30,
+    time_limit: float | None = None,
+    times: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> BatchResult: ...
+@overload
+def register_batch(
+    pairs: Pairs,
+    method: str | Method = "consensus",
+    *,
+    output: str | os.PathLike[str],
+    resume: bool = False,
+    overwrite: bool = False,
+    refine: Refinements = (),
+    clouds: Mapping[str, Any] | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    viewpoints: str = "file",
+    voxel: float | None = None,
+    sample: int | None = None,
+    seed: int = 0,
+    threads: int = 0,
+    memory: int = 1 << 30,
+    time_limit: float | None = None,
+    times: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> BatchSummary: ...
+def register_batch(
+    pairs: Pairs,
+    method: str | Method = "consensus",
+    *,
+    output: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    refine: Refinements = (),
+    clouds: Mapping[str, Any] | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    viewpoints: str = "file",
+    voxel: float | None = None,
+    sample: int | None = None,
+    seed: int = 0,
+    threads: int = 0,
+    memory: int = 1 << 30,
+    time_limit: float | None = None,
+    times: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> BatchResult | BatchSummary:
+    """Register a list of pairs beside each other, each on one thread: the rows of `cfreg batch`.
+
+    Each cloud is read once and kept for its other pairs. What is wrong with a pair, a file that
+    cannot be read, clouds without an answer, is the `error` of its row; the others go on.
+
+    Parameters
+    ----------
+    pairs : (source, target) pairs of files, of names in `clouds`, or of clouds of any kind that
+        register takes; or the file of a list, CSV or Parquet with the columns source and target.
+        A cloud that comes in many pairs should be the same object in all of them
+    method, refine, settings : see register. `threads` of a method has no effect
+    output : file to write the rows to, .csv, .jsonl or .parquet, instead of returning them;
+        until all are there they are in a journal beside it
+    resume : go on from the journal of a run that was cut short, to the same bytes
+    overwrite : begin anew, whatever is there
+    clouds : clouds by the names that pairs have for them
+    folder : what files are relative to. None: the folder of the list, else the current one
+    viewpoints : where sensors stood: "file" (where the clouds say), "origin" (at the zero of their
+        frames, where they do not), "none" (unknown, whatever they say)
+    voxel : side of the cubes of which one point is kept, in the unit of the clouds; for
+        "consensus" the length that all others follow from
+    sample, seed : points that are kept, drawn at random after that
+    threads : pairs beside each other, 0 for as many as there are cores; never changes a row
+    memory : bytes of clouds that are kept for later pairs
+    time_limit : seconds after which a pair is given up, reading included. None: never
+    times : add the column `seconds`, on which no two runs agree
+    progress : is called with the pairs done and all of them; what it raises ends the run
+
+    Returns
+    -------
+    BatchResult : the rows, as columns; or with `output` BatchSummary: numbers of pairs
+
+    Raises
+    ------
+    SettingError : a setting out of its range, or an earlier run that is in the way of `output`
+    FileFormatError, OSError : a list that cannot be read, an output that cannot be written
+    KeyboardInterrupt : by Ctrl-C; with `output` the rows so far are kept for `resume`
+
+    Examples
+    --------
+    >>> import cfreg, numpy as np
+    >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 500))
+    >>> scan = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x])
+    >>> found = cfreg.register_batch([(scan, scan), (scan, "absent.ply")], "cf", refine="icp")
+    >>> found["trusted"].tolist(), found["error"][1]
+    ([True, False], 'absent.ply: No such file or directory (os error 2)')
+    """
+    chosen = _made(method, settings)
+    if isinstance(chosen, CF) and chosen._own_weights() is not None:
+        rule = "only kernels that have a name are taken here"
+        raise _native.SettingError(f"weights = {chosen.weights!r}: {rule}")
+    if voxel is not None and isinstance(chosen, Consensus):
+        chosen, voxel = dataclasses.replace(chosen, voxel=voxel), None
+    given: dict[str, Any] = dict(clouds or {})
+    options = {
+        "threads": _count("threads", threads),
+        "memory": _count("memory", memory),
+        "time_limit": _number("time_limit", time_limit),
+        "times": bool(times),
+        "viewpoints": viewpoints,
+        "voxel": _number("voxel", voxel),
+        "sample": None if sample is None else _count("sample", sample),
+        "seed": _count("seed", seed),
+        "resume": bool(resume),
+        "overwrite": bool(overwrite),
+    }
+    found = _native.register_batch(
+        pairs if isinstance(pairs, (str, os.PathLike)) else _named(pairs, given),
+        given,
+        folder,
+        chosen._named(),
+        _refinements(refine),
+        _interop.to_json(options),
+        output,
+        progress,
+    )
+    return BatchSummary(*found) if isinstance(found, tuple) else BatchResult(found)
+
+
+def _named(pairs: Iterable[tuple[Any, Any]], clouds: dict[str, Any]) -> list[tuple[str, str]]:
+    """Pairs by the names of their clouds; those that have none are put into `clouds` by their
+    number."""
+    names: dict[int, str] = {}
+    kept = []  # so that no other object takes the place of one
+
+    def name(cloud: Any) -> str:
+        if isinstance(cloud, (str, os.PathLike)):
+            return os.fspath(cloud)
+        if id(cloud) not in names:
+            names[id(cloud)] = f"cloud {len(names)}"
+            clouds[names[id(cloud)]] = cloud
+            kept.append(cloud)
+        return names[id(cloud)]
+
+    found = []
+    for number, pair in enumerate(pairs):
+        try:
+            source, target = pair
+        except (TypeError, ValueError):
+            raise TypeError(f"pairs: number {number} is not a pair (source, target)") from None
+        found.append((name(source), name(target)))
+    return found
+
+
+def _count(name: str, value: Any) -> int:
+    if isinstance(value, (int, np.integer)) and 0 <= value < 1 << 63:
+        return int(value)
+    raise _native.SettingError(f"{name} = {value!r}: must be a whole number, at least 0")
+
+
+def _number(name: str, value: Any) -> float | None:
+    if value is None or (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
+        return None if value is None else float(value)
+    raise _native.SettingError(f"{name} = {value!r}: must be a number that is finite")

@@ -1,0 +1,66 @@
+"""How pairs arise: from scans in a row, from a map, and from scans that stood near each other.
+
+Scans are whatever register_batch takes: files, names or clouds. Of two scans the later one is
+the source: its pose is that in the frame of the earlier one.
+
+>>> import cfreg
+>>> cfreg.pairs.consecutive(["a.ply", "b.ply", "c.ply"])
+[('b.ply', 'a.ply'), ('c.ply', 'b.ply')]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _native
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["against", "consecutive", "within"]
+
+
+def consecutive(scans: Sequence[Any], steps: Sequence[int] = (1,)) -> list[tuple[Any, Any]]:
+    """Each scan with those that many before it: steps of 1 are consecutive scans, 2 leaves one
+    out between.
+
+    >>> import cfreg
+    >>> cfreg.pairs.consecutive("abcd", [1, 3])
+    [('b', 'a'), ('c', 'b'), ('d', 'c'), ('d', 'a')]
+    """
+    return _of(scans, _native.consecutive(len(scans), list(steps)))
+
+
+def against(map: Any, scans: Sequence[Any]) -> list[tuple[Any, Any]]:
+    """Each scan with one map, the target of all pairs.
+
+    >>> import cfreg
+    >>> cfreg.pairs.against("map.ply", ["a.ply", "b.ply"])
+    [('a.ply', 'map.ply'), ('b.ply', 'map.ply')]
+    """
+    return [(scan, map) for scan in scans]
+
+
+def within(
+    scans: Sequence[Any], places: npt.ArrayLike, radius: float
+) -> list[tuple[Any, Any]]:
+    """All pairs of scans that stood at most `radius` from each other.
+
+    places : (N, 3) where the scans stood, roughly, in any unit; the last columns of their poses
+
+    >>> import cfreg
+    >>> cfreg.pairs.within("abc", [(0, 0, 0), (9, 0, 0), (3, 4, 0)], 5)
+    [('c', 'a')]
+    """
+    found = np.asarray(places, dtype=np.float64)
+    if found.shape != (len(scans), 3):
+        expected = f"expected shape ({len(scans)}, 3), one a scan"
+        raise _native.ShapeError(f"places: {expected}, found {found.shape}")
+    return _of(scans, _native.within(found.tolist(), radius))
+
+
+def _of(scans: Sequence[Any], pairs: Sequence[tuple[int, int]]) -> list[tuple[Any, Any]]:
+    return [(scans[source], scans[target]) for source, target in pairs]

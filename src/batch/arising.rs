@@ -1,0 +1,91 @@
+//! How pairs arise: from scans in a row, and from scans that stood near each other.
+//!
+//! Pairs are of source and target, by the numbers of scans. The later scan is the source: its
+//! pose is that in the frame of the earlier one.
+
+use crate::error::{Error, Result};
+use crate::math::{self, Vec3};
+
+/// Each of `count` scans with those that many before it: steps of 1 are consecutive scans, 2
+/// leaves one out between.
+///
+/// # Errors
+/// [`Error::Config`] for a step of 0.
+///
+/// ```
+/// let pairs = cfreg::batch::consecutive(4, &[1, 3])?;
+/// assert_eq!(pairs, [[1, 0], [2, 1], [3, 2], [3, 0]]);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn consecutive(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>> {
+    if steps.contains(&0) {
+        return Err(Error::config("steps", 0, "must be at least 1: a scan is not its own pair"));
+    }
+    let before = |scan: usize| {
+        let before = steps.iter().filter_map(move |step| scan.checked_sub(*step));
+        before.map(move |target| [scan, target])
+    };
+    Ok((0..count).flat_map(before).collect())
+}
+
+/// All pairs of scans that stood at most `radius` from each other, in the unit of `places`.
+///
+/// # Errors
+/// [`Error::Config`] when the radius is negative or not a number, [`Error::NonFinite`] for a
+/// place that is not finite.
+///
+/// ```
+/// let places = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]];
+/// assert_eq!(cfreg::batch::within(&places, 5.0)?, [[2, 0]]);
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub fn within(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
+    if radius.is_nan() || radius < 0.0 {
+        return Err(Error::config("radius", radius, "must be at least 0"));
+    }
+    if let Some(index) = places.iter().position(|place| place.iter().any(|x| !x.is_finite())) {
+        return Err(Error::NonFinite { what: "the places of scans".into(), index });
+    }
+    // Those near each other are near along x.
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|&a, &b| places[a][0].total_cmp(&places[b][0]));
+    let mut pairs = Vec::new();
+    for (rank, &one) in order.iter().enumerate() {
+        for &other in &order[rank + 1..] {
+            if places[other][0] - places[one][0] > radius {
+                break;
+            }
+            if math::norm(math::sub(places[one], places[other])) <= radius {
+                pairs.push([one.max(other), one.min(other)]);
+            }
+        }
+    }
+    pairs.sort();
+    Ok(pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_ones_are_all_found() {
+        let places: Vec<Vec3> =
+            (0..60).map(|i| [i * 37 % 11, i * 17 % 7, i % 3].map(f64::from)).collect();
+        for radius in [0.0, 1.0, 2.5, 100.0] {
+            let far = |[a, b]: &[usize; 2]| math::norm(math::sub(places[*a], places[*b])) > radius;
+            let mut all: Vec<[usize; 2]> =
+                (0..60).flat_map(|a| (0..a).map(move |b| [a, b])).collect();
+            all.retain(|pair| !far(pair));
+            assert_eq!(within(&places, radius).unwrap(), all, "{radius}");
+        }
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        assert!(consecutive(3, &[0]).is_err() && within(&[], -1.0).is_err());
+        assert!(within(&[[f64::NAN; 3]], 1.0).is_err() && within(&[], f64::NAN).is_err());
+        assert!(consecutive(0, &[1]).unwrap().is_empty());
+        assert_eq!(consecutive(2, &[5]).unwrap(), [[0; 2]; 0]);
+    }
+}

@@ -1,0 +1,52 @@
+//! An output that is there already: whether it is that of this run.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::journal::difference;
+use super::output::Format;
+use super::{List, Summary, results};
+use crate::error::{Error, Result};
+
+/// What is in an output that has all rows.
+///
+/// # Errors
+/// [`Error::Config`] when it is of another list, or of other settings where that can be told;
+/// those of reading it.
+pub(super) fn summary(
+    output: &Path,
+    format: Format,
+    list: &List,
+    header: &Value,
+) -> Result<Summary> {
+    let refuse = |rule: String| Error::config("resume", output.display(), rule);
+    if let Some(begun) = format.asked_for(output)?
+        && let Some(rule) = difference(&begun, header)
+    {
+        return Err(refuse(rule));
+    }
+    let other = |index: usize| {
+        refuse(format!(
+            "has another pair {index} than the list: start anew with --overwrite, or name \
+             another output"
+        ))
+    };
+    let mut summary = Summary { pairs: list.len(), ..Summary::default() };
+    results::each(output, |row| {
+        let index = summary.resumed;
+        let same = index < list.len()
+            && row.index == index
+            && list.pair(index) == [row.source.as_str(), row.target.as_str()];
+        if !same {
+            return Err(other(index));
+        }
+        summary.count(&row);
+        summary.resumed += 1;
+        Ok(())
+    })?;
+    if summary.resumed < list.len() {
+        return Err(other(summary.resumed));
+    }
+    Ok(summary)
+}

@@ -1,0 +1,163 @@
+//! `cfreg pairs`: lists of pairs, as they arise.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+
+use super::{Outcome, outputs, say};
+use crate::batch::{self, List, Places};
+use crate::error::{Error, Result};
+
+#[derive(Args)]
+pub(super) struct Pairs {
+    #[command(subcommand)]
+    mode: Mode,
+}
+
+#[derive(Subcommand)]
+enum Mode {
+    /// Each scan with those before it: consecutive ones, or further apart
+    Sequence {
+        /// Scans in their order; a folder stands for the clouds in it, by name, 2 before 10
+        #[arg(required = true)]
+        scans: Vec<PathBuf>,
+        /// How many scans before: 1,2,5 pairs each with the one before, the second and the fifth
+        #[arg(long, value_name = "STEP,..", value_delimiter = ',', default_value = "1")]
+        steps: Vec<usize>,
+        /// The list, CSV
+        #[arg(short, long, value_name = "PAIRS.csv")]
+        output: PathBuf,
+    },
+    /// Each scan with one map
+    Map {
+        /// The map, the target of all pairs
+        map: PathBuf,
+        /// Scans; a folder stands for the clouds in it
+        #[arg(required = true)]
+        scans: Vec<PathBuf>,
+        /// The list, CSV
+        #[arg(short, long, value_name = "PAIRS.csv")]
+        output: PathBuf,
+    },
+    /// All pairs of scans that stood near each other by rough poses
+    Near {
+        /// CSV with the columns cloud, a file relative to this one's folder, and x, y, z, where it
+        /// stood; others are not looked at
+        poses: PathBuf,
+        /// Largest distance, in the unit of x, y, z
+        #[arg(long, value_name = "R", allow_negative_numbers = true)]
+        radius: f64,
+        /// The list, CSV
+        #[arg(short, long, value_name = "PAIRS.csv")]
+        output: PathBuf,
+    },
+}
+
+impl Pairs {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        match &self.mode {
+            Mode::Sequence { scans, steps, output } => {
+                let scans = clouds(scans)?;
+                let pairs = batch::consecutive(scans.len(), steps)?;
+                write(&scans, pairs, output)
+            }
+            Mode::Map { map, scans, output } => {
+                let mut scans = clouds(scans)?;
+                let number = scans.len();
+                scans.push(map.clone());
+                write(&scans, (0..number).map(|scan| [scan, number]).collect(), output)
+            }
+            Mode::Near { poses, radius, output } => {
+                outputs::check(&[poses], &[("output", Some(output))])?;
+                let Places { names, places } = Places::read(poses)?;
+                let pairs = batch::within(&places, *radius)?;
+                let folder = poses.parent().unwrap_or(Path::new(""));
+                let scans: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+                write(&scans, pairs, output)
+            }
+        }
+    }
+}
+
+/// Writes the list of these pairs, files as they are seen from its folder.
+fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Outcome> {
+    let inputs: Vec<&Path> = scans.iter().map(PathBuf::as_path).collect();
+    outputs::check(&inputs, &[("output", Some(output))])?;
+    let folder = output.parent().filter(|folder| *folder != Path::new(""));
+    let folder = real(folder.unwrap_or(Path::new(".")))?;
+    let name = |file: &PathBuf| {
+        let file = real(file)?;
+        let name = file.strip_prefix(&folder).unwrap_or(&file);
+        let name = name.to_str().map(String::from);
+        let rule = "its name is not Unicode, and lists are";
+        name.ok_or_else(|| Error::config("scans", file.display(), rule))
+    };
+    let names = scans.iter().map(name).collect::<Result<Vec<String>>>()?;
+    if pairs.is_empty() {
+        say("cfreg: no pair: the list has its columns alone\n");
+    }
+    let list = List::new(folder, pairs.iter().map(|pair| pair.map(|scan| &names[scan])));
+    list.write(output)?;
+    say(&format!("{} pairs of {} clouds\n", list.len(), scans.len()));
+    Ok(Outcome::Trusted)
+}
+
+/// The place itself, whatever links lead there.
+fn real(path: &Path) -> Result<PathBuf> {
+    fs::canonicalize(path).map_err(|error| Error::io(path, error))
+}
+
+/// Files, and the clouds in folders by name.
+fn clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    const ENDS: [&str; 4] = ["ply", "pcd", "xyz", "xyzn"];
+    let mut files = Vec::new();
+    for path in given {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let failed = |error| Error::io(path, error);
+        let within = fs::read_dir(path).map_err(failed)?;
+        let within = within.map(|entry| entry.map(|entry| entry.path()).map_err(failed));
+        let mut within = within.collect::<Result<Vec<PathBuf>>>()?;
+        within.retain(|file| {
+            let end = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            ENDS.contains(&end.as_str())
+        });
+        if within.is_empty() {
+            let rule = format!("no cloud in this folder (.{})", ENDS.join(", ."));
+            return Err(Error::config("scans", path.display(), rule));
+        }
+        within.sort_by_cached_key(|file| natural(&file.to_string_lossy()));
+        files.extend(within);
+    }
+    Ok(files)
+}
+
+/// What names are sorted by: digits as the number they are.
+fn natural(name: &str) -> Vec<(String, u128)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (words, after) = rest.split_at(digits);
+        let end = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
+        let (number, after) = after.split_at(end);
+        parts.push((words.into(), number.parse().unwrap_or(u128::MAX)));
+        rest = after;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_are_numbers() {
+        let mut names = ["10.ply", "a2.ply", "9.ply", "a10b1.ply", "a10b.ply"];
+        names.sort_by_key(|name| natural(name));
+        assert_eq!(names, ["9.ply", "10.ply", "a2.ply", "a10b1.ply", "a10b.ply"]);
+    }
+}

@@ -1,0 +1,250 @@
+//! Lists of pairs from Python.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde::Deserialize;
+
+use super::any_cloud::AnyCloud;
+use super::doorway::released;
+use super::errors::{SettingError, exception};
+use super::foreign::BadRows;
+use super::registration::{Named, chain_of};
+use crate::batch::{
+    self, Batch, Column, Graph, List, Row, Start, Summary, Tangent, Thinning, panics_go_to_rows,
+};
+use crate::cloud::Viewpoints;
+use crate::error::Error;
+use crate::method::Chain;
+use crate::par::Interrupt;
+
+/// How a list is run, as the package gives it in JSON.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    threads: usize,
+    memory: usize,
+    time_limit: Option<f64>,
+    times: bool,
+    viewpoints: Viewpoints,
+    voxel: Option<f64>,
+    sample: Option<usize>,
+    seed: u64,
+    resume: bool,
+    overwrite: bool,
+}
+
+impl Settings {
+    fn read(json: &str) -> PyResult<Settings> {
+        serde_json::from_str(json).map_err(|error| SettingError::new_err(error.to_string()))
+    }
+
+    fn put(&self, batch: &mut Batch<'_>) -> crate::Result<()> {
+        batch.threads = self.threads;
+        batch.memory = self.memory;
+        batch.times = self.times;
+        batch.viewpoints = self.viewpoints;
+        batch.thinning = Thinning { voxel: self.voxel, sample: self.sample, seed: self.seed };
+        batch.start = match (self.resume, self.overwrite) {
+            (true, true) => {
+                let rule = "contradicts overwrite: choose one of them";
+                return Err(Error::config("resume", true, rule));
+            }
+            (true, false) => Start::Resume,
+            (false, true) => Start::Overwrite,
+            (false, false) => Start::Fresh,
+        };
+        if let Some(seconds) = self.time_limit {
+            let limit = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
+            let refuse =
+                || Error::config("time_limit", seconds, "must be a number of seconds above 0");
+            batch.time_limit = Some(limit.ok_or_else(refuse)?);
+        }
+        Ok(())
+    }
+}
+
+/// Pairs, as they were given.
+#[derive(FromPyObject)]
+pub(super) enum Pairs {
+    /// By their names.
+    Names(Vec<(String, String)>),
+    /// A file with a list.
+    File(PathBuf),
+}
+
+/// Registers pairs and gives the columns of their rows, {name: (kind, values)}; with an `output`
+/// writes them, and gives numbers of pairs: all, taken over, trusted, without an answer.
+#[pyfunction]
+#[pyo3(signature = (pairs, clouds, folder, method, refinements, settings, output=None, progress=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+pub(super) fn register_batch(
+    py: Python<'_>,
+    pairs: Pairs,
+    clouds: &Bound<'_, PyDict>,
+    folder: Option<PathBuf>,
+    method: Named,
+    refinements: Vec<Named>,
+    settings: &str,
+    output: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Py<PyAny>> {
+    let settings = Settings::read(settings)?;
+    let (first, refinements) = chain_of(&method, &refinements)?;
+    let chain = Chain::new(first, refinements).map_err(exception)?;
+    let mut batch = Batch::new(&chain, &chain);
+    settings.put(&mut batch).map_err(exception)?;
+    for (name, cloud) in clouds {
+        let name: String = name.extract()?;
+        let cloud = AnyCloud::read(&cloud, &name, None, BadRows::Drop)?.get().clone();
+        batch.given.insert(name, Arc::new(cloud));
+    }
+    let list = released(py, || match &pairs {
+        Pairs::Names(names) => {
+            let names = names.iter().map(|(source, target)| [source, target]);
+            Ok(List::new(folder.unwrap_or_default(), names))
+        }
+        Pairs::File(path) => {
+            let own = path.parent().unwrap_or(Path::new(""));
+            List::read(path, folder.as_deref().unwrap_or(own))
+        }
+    })?;
+    panics_go_to_rows();
+    let follower =
+        Follower { call: progress, interrupt: batch.interrupt.clone(), raised: Mutex::default() };
+    let found = released(py, || match &output {
+        Some(output) => {
+            let done = batch.run_with(&list, output, |done, all| follower.follow(done, all))?;
+            Ok(Found::Summary(done))
+        }
+        None => batch.rows(&list, |done, all| follower.follow(done, all)).map(Found::Rows),
+    });
+    if let Some(raised) = follower.raised() {
+        return Err(raised);
+    }
+    match found? {
+        Found::Rows(rows) => columns(py, &rows, settings.times),
+        Found::Summary(Summary { pairs, resumed, trusted, errors, .. }) => {
+            Ok((pairs, resumed, trusted, errors).into_pyobject(py)?.into_any().unbind())
+        }
+    }
+}
+
+/// Pairs of source and target of a list.
+#[pyfunction]
+pub(super) fn read_list(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, String)>> {
+    let list = released(py, || List::read(&path, Path::new("")))?;
+    let pair = |index| {
+        let [source, target] = list.pair(index);
+        (source.to_string(), target.to_string())
+    };
+    Ok((0..list.len()).map(pair).collect())
+}
+
+/// Columns of results that were written, as `register_batch` gives them.
+#[pyfunction]
+pub(super) fn read_batch(py: Python<'_>, path: PathBuf) -> PyResult<Py<PyAny>> {
+    let rows = released(py, || batch::results::read(&path))?;
+    let times = rows.iter().any(|row| row.seconds.is_some());
+    columns(py, &rows, times)
+}
+
+/// Writes a graph of the rows, in JSON Lines; gives its numbers of clouds, parts and edges,
+/// and of poses that are not accepted and that are left out.
+#[pyfunction]
+pub(super) fn write_g2o(
+    py: Python<'_>,
+    path: PathBuf,
+    rows: &str,
+    rotations: &str,
+    names: Option<PathBuf>,
+) -> PyResult<(usize, usize, usize, usize, usize)> {
+    let tangent = match rotations {
+        "quaternion" => Tangent::Quaternion,
+        "vector" => Tangent::RotationVector,
+        other => {
+            let rule = "must be quaternion or vector";
+            return Err(exception(Error::config("rotations", other, rule)));
+        }
+    };
+    released(py, || {
+        let graph = Graph::of(&batch::results::parse(rows)?)?;
+        graph.write(&path, tangent)?;
+        names.map_or(Ok(()), |names| graph.write_names(&names))?;
+        let clouds = graph.names().len();
+        Ok((clouds, graph.parts(), graph.edges(), graph.not_accepted, graph.left_out))
+    })
+}
+
+/// Pairs of each of `count` scans with those that many before it.
+#[pyfunction]
+pub(super) fn consecutive(count: usize, steps: Vec<usize>) -> PyResult<Vec<(usize, usize)>> {
+    let pairs = batch::consecutive(count, &steps).map_err(exception)?;
+    Ok(pairs.into_iter().map(Into::into).collect())
+}
+
+/// Pairs of places (N, 3) that are near each other.
+#[pyfunction]
+pub(super) fn within(
+    py: Python<'_>,
+    places: Vec<[f64; 3]>,
+    radius: f64,
+) -> PyResult<Vec<(usize, usize)>> {
+    let pairs = released(py, || batch::within(&places, radius))?;
+    Ok(pairs.into_iter().map(Into::into).collect())
+}
+
+/// What came of a list.
+enum Found {
+    Rows(Vec<Row>),
+    Summary(Summary),
+}
+
+/// A function that is told how far it is; what it raises ends the run.
+struct Follower {
+    call: Option<Py<PyAny>>,
+    interrupt: Interrupt,
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Follower {
+    fn follow(&self, done: usize, all: usize) {
+        let Some(call) = &self.call else { return };
+        if let Some(Err(error)) = Python::try_attach(|py| call.call1(py, (done, all))) {
+            self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            self.interrupt.request();
+        }
+    }
+
+    fn raised(&self) -> Option<PyErr> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+/// {name: (kind, values)}: texts as a list with None, the rest as arrays, with False, -1 and NaN
+/// where a row has nothing.
+fn columns(py: Python<'_>, rows: &[Row], times: bool) -> PyResult<Py<PyAny>> {
+    let all = PyDict::new(py);
+    for (name, column) in Column::of(rows, times) {
+        match column {
+            Column::Text(texts) => all.set_item(name, ("text", PyList::new(py, texts)?))?,
+            Column::Flag(flags) => {
+                let flags = flags.into_iter().map(|flag| flag.unwrap_or(false));
+                all.set_item(name, ("flag", PyArray1::from_iter(py, flags)))?;
+            }
+            Column::Count(counts) => {
+                let counts = counts.into_iter().map(|count| count.unwrap_or(-1));
+                all.set_item(name, ("count", PyArray1::from_iter(py, counts)))?;
+            }
+            Column::Number(numbers) => {
+                let numbers = numbers.into_iter().map(|number| number.unwrap_or(f64::NAN));
+                all.set_item(name, ("number", PyArray1::from_iter(py, numbers)))?;
+            }
+        }
+    }
+    Ok(all.into_any().unbind())
+}
