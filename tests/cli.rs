@@ -205,7 +205,8 @@ fn viewpoints_are_the_files_the_zero_or_unknown() {
     let oriented_by = |viewpoints: &str| {
         let line = format!("register source.ply pair/target.pcd --method cf --json {viewpoints}");
         let output = cfreg(folder.path(), &line);
-        let answer: Value = serde_json::from_slice(&output.stdout).expect(&stderr(&output));
+        assert!(code(&output) < 2, "{viewpoints}: {}", stderr(&output));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
         let by = |side: &str| answer["points"][side]["oriented_by"].as_str().unwrap().to_string();
         [by("source"), by("target"), answer["viewpoints"].as_str().unwrap().to_string()]
     };

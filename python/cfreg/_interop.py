@@ -61,7 +61,8 @@ def colors(cloud: Any) -> Any:
 def array(values: Any, name: str) -> Any:
     """A plain array for lists, and for what is one in disguise; masked values become NaN."""
     if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "iuf":
-        return values.astype(np.result_type(values.dtype, np.float32)).filled(np.nan)
+        floats: Any = values.astype(np.result_type(values.dtype, np.float32))
+        return floats.filled(np.nan)
     if isinstance(values, (list, tuple)):
         try:
             return np.asarray(values)
