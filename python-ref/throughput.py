@@ -140,6 +140,16 @@ def pairs_a_second(side, folder, pairs, threads, seconds):
     return len(many), len(many) / took, np.mean(right)
 
 
+def busy(folder, pairs, threads):
+    """Share of the threads' time that is within registrations, the rest being that of bulk."""
+    import cfreg
+
+    names = [(source, target) for source, target, _ in pairs]
+    begun = time.perf_counter()
+    found = cfreg.register_batch(names, folder=folder, viewpoints="origin", threads=threads, times=True)
+    return found["seconds"].sum() / (threads * (time.perf_counter() - begun))
+
+
 MEMORY = """
 import sys, cfreg
 folder, count = sys.argv[1], int(sys.argv[2])
@@ -183,6 +193,7 @@ def main():
     say(f"{date.today()}, {platform.machine()}, {options.threads} threads, load before {load:.2f}\n")
     say("| points | by | pairs | pairs/s | pairs/s/core | right |")
     say("|---|---|---|---|---|---|")
+    shares = []
     with tempfile.TemporaryDirectory() as room:
         for points in map(int, options.points.split(",")):
             folder = Path(room, str(points))
@@ -192,6 +203,8 @@ def main():
                 count, rate, right = pairs_a_second(side, folder, pairs, options.threads, options.seconds)
                 per_core = rate / options.threads
                 say(f"| {points} | {side} | {count} | {rate:.2f} | {per_core:.2f} | {100 * right:.0f} % |")
+            shares.append(f"{100 * busy(folder, pairs[::4], options.threads):.1f} %")
+        say(f"\nOf the threads' time, within registrations by consensus: {', '.join(shares)}")
         if options.memory_pairs:
             folder = Path(room, options.points.split(",")[0])
             held = memory(folder, options.memory_pairs)
