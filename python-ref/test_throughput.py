@@ -46,6 +46,7 @@ class Throughput(unittest.TestCase):
             self.assertEqual(len(cfreg.read(folder / "a.ply")), 400)
             count, rate, right = throughput.pairs_a_second("cfreg", folder, pairs, 1, 0.2)
             self.assertTrue(count >= 1 and rate > 0 and right == 1.0)
+            self.assertTrue(0.1 < throughput.busy(folder, pairs * 4, 1) < 1.0)
             held = throughput.memory(folder, 50)
             self.assertEqual(len(held), 11)
 

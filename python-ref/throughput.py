@@ -4,11 +4,11 @@
         [--memory-pairs 100000] [--output TABLE.md]
 
 Pairs are those of the Stanford scans in the folder's `pairs.csv`, thinned at random and written as
-PLY; a list goes over them again until it has so many that it takes about so many seconds. Each side
-reads the files. Ours is `cfreg.register_batch` into Parquet. Open3D's is a loop over the pairs, its
-clouds and features kept in a dictionary, its own threads within: FPFH and RANSAC as in
-`benchmark_peers.py`. KISS-Matcher's is a pool of one process a core, each held to its core. Voxels of
-the peers are one and a half of the clouds' resolution, 4 mm at least. Right is a pose within 10
+PLY; a list has as many of them, in turn, as take about so many seconds. Each side reads the files.
+Ours is `cfreg.register_batch` into Parquet, by `consensus` and by `cf`. Open3D's is a loop over the
+pairs, its clouds and features kept in a dictionary, its own threads within: FPFH and RANSAC as in
+`benchmark_peers.py`. KISS-Matcher's is a pool of one process a core, each held to its core. Voxels
+of the peers are one and a half of the clouds' resolution, 4 mm at least. Right is a pose within 10
 degrees and a twentieth of the size of the true one; the scans stand as they were taken, each sensor
 at the zero of its file, which ours and Open3D's normals are told.
 """
@@ -53,13 +53,14 @@ def is_right(pose, truth, size):
     return angle < 10 and np.linalg.norm(off[:3, 3]) < size / 20
 
 
-def ours(folder, pairs, threads):
-    """Poses of the pairs, None without one."""
+def ours(folder, pairs, threads, method="consensus"):
+    """Poses of the pairs, NaN without one."""
     import cfreg
 
     found = folder / "ours.parquet"
     names = [(source, target) for source, target, _ in pairs]
-    cfreg.register_batch(names, output=found, folder=folder, viewpoints="origin", threads=threads, overwrite=True)
+    how = {"folder": folder, "viewpoints": "origin", "threads": threads, "overwrite": True}
+    cfreg.register_batch(names, method, output=found, **how)
     return list(cfreg.read_batch(found).transform)
 
 
@@ -115,7 +116,11 @@ def by_kiss_matcher_pool(folder, pairs, threads):
         return list(pool.imap(one_by_kiss_matcher, jobs, chunksize=4))
 
 
-SIDES = {"cfreg": ours, "Open3D, loop": by_open3d, "KISS-Matcher, pool": by_kiss_matcher_pool}
+def ours_by_cf(folder, pairs, threads):
+    return ours(folder, pairs, threads, "cf")
+
+
+SIDES = {"cfreg": ours, "cfreg, cf": ours_by_cf, "Open3D, loop": by_open3d, "KISS-Matcher, pool": by_kiss_matcher_pool}
 
 
 def pairs_a_second(side, folder, pairs, threads, seconds):
@@ -124,13 +129,25 @@ def pairs_a_second(side, folder, pairs, threads, seconds):
     few = pairs[:: max(1, len(pairs) // 12)]
     begun = time.perf_counter()
     SIDES[side](folder, few, threads)
-    rounds = seconds * len(few) / (time.perf_counter() - begun) / len(pairs)
-    many = (pairs * max(1, round(rounds)))[: max(len(few), round(rounds * len(pairs)))]
+    count = max(len(few), round(seconds * len(few) / (time.perf_counter() - begun)))
+    # All pairs in turn, or as many spread evenly.
+    step = max(1.0, len(pairs) / count)
+    many = [pairs[int(number * step) % len(pairs)] for number in range(count)]
     begun = time.perf_counter()
     poses = SIDES[side](folder, many, threads)
     took = time.perf_counter() - begun
     right = [is_right(pose, truth, size) for pose, (*_, truth) in zip(poses, many)]
     return len(many), len(many) / took, np.mean(right)
+
+
+def busy(folder, pairs, threads):
+    """Share of the threads' time that is within registrations, the rest being that of bulk."""
+    import cfreg
+
+    names = [(source, target) for source, target, _ in pairs]
+    begun = time.perf_counter()
+    found = cfreg.register_batch(names, folder=folder, viewpoints="origin", threads=threads, times=True)
+    return found["seconds"].sum() / (threads * (time.perf_counter() - begun))
 
 
 MEMORY = """
@@ -176,6 +193,7 @@ def main():
     say(f"{date.today()}, {platform.machine()}, {options.threads} threads, load before {load:.2f}\n")
     say("| points | by | pairs | pairs/s | pairs/s/core | right |")
     say("|---|---|---|---|---|---|")
+    shares = []
     with tempfile.TemporaryDirectory() as room:
         for points in map(int, options.points.split(",")):
             folder = Path(room, str(points))
@@ -185,6 +203,8 @@ def main():
                 count, rate, right = pairs_a_second(side, folder, pairs, options.threads, options.seconds)
                 per_core = rate / options.threads
                 say(f"| {points} | {side} | {count} | {rate:.2f} | {per_core:.2f} | {100 * right:.0f} % |")
+            shares.append(f"{100 * busy(folder, pairs[::4], options.threads):.1f} %")
+        say(f"\nOf the threads' time, within registrations by consensus: {', '.join(shares)}")
         if options.memory_pairs:
             folder = Path(room, options.points.split(",")[0])
             held = memory(folder, options.memory_pairs)
