@@ -36,6 +36,7 @@ step "the methods beside their peers, in small"
 
 step "how fast beside the peers: that it runs"
 (cd benches && "$python" -m peers --points 1000 --only moments,features)
+(cd python-ref && "$python" -m unittest test_throughput)
 
 step "peers that the paper does not have, in small"
 (cd python-ref && "$python" -m paper_peers --smoke)
