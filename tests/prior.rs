@@ -89,6 +89,20 @@ fn a_scale_is_kept_within_its_bounds() {
 }
 
 #[test]
+fn a_prior_that_cannot_be_is_refused_before_anything_runs() {
+    let none = Prior { direction: Some([[0.0; 3]; 2]), ..Prior::default() };
+    // No scale is sought by these settings.
+    let scale = Prior { scale: Some([0.5, 2.0]), ..Prior::default() };
+    for name in TAKE {
+        for prior in [none, scale] {
+            let method: Method = name.parse().unwrap();
+            let refused = method.with([("prior", json!(prior))]).and_then(|made| made.validate());
+            assert!(matches!(refused, Err(Error::Config { field: "prior", .. })), "{name}");
+        }
+    }
+}
+
+#[test]
 fn it_holds_through_refinements_and_is_refused_where_it_cannot() {
     let clouds = samples(1000, [0.0, 0.0, 0.2]);
     let prior = json!(Prior { direction: Some([[0.0, 0.0, 1.0]; 2]), ..Prior::default() });

@@ -106,7 +106,7 @@ impl KernelCorrelation {
         if self.max_iterations == 0 {
             return Err(Error::config("max_iterations", 0, "must be at least 1"));
         }
-        Ok(())
+        self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
     /// The first and the last σ.

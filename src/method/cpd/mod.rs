@@ -114,7 +114,7 @@ impl Cpd {
         if !(0.0..=0.1).contains(&self.truncation) {
             return Err(Error::config("truncation", self.truncation, "must be in [0, 0.1]"));
         }
-        Ok(())
+        self.prior.validate_for(self.scale)
     }
 
     fn run(
