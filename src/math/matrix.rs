@@ -10,32 +10,41 @@ pub type Mat3 = [[f64; 3]; 3];
 /// The 3×3 identity.
 pub const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+// Inlined always: vector code that one of these is called from is scalar otherwise, and it takes
+// no more than another division of the crate into units to make the compiler call it.
+
 /// `a + b`.
+#[inline(always)]
 pub fn add<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// `a − b`.
+#[inline(always)]
 pub fn sub<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// `s a`.
+#[inline(always)]
 pub fn scaled<T: Float>(a: [T; 3], s: T) -> [T; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 /// `a · b`.
+#[inline(always)]
 pub fn dot<T: Float>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a × b`.
+#[inline(always)]
 pub fn cross<T: Float>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Euclidean length.
+#[inline(always)]
 pub fn norm<T: Float>(a: [T; 3]) -> T {
     dot(a, a).sqrt()
 }
