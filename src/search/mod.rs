@@ -3,12 +3,13 @@
 //! Distances are Euclidean, squared where the name says so, between f32 positions that
 //! share an origin. Equal distances are ordered by index. [`SearchTree`] answers from any
 //! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
-//! [`Closest`] tells distances alone.
+//! [`Closest`] tells distances alone, [`Vicinity`] what is too far to ask about.
 
 mod closest;
 mod leaves;
 mod nearest;
 mod tree;
+mod vicinity;
 
 use std::fmt;
 
@@ -22,6 +23,7 @@ pub(crate) use leaves::squared_distance;
 
 pub use closest::Closest;
 pub use tree::SearchTree;
+pub use vicinity::Vicinity;
 
 /// Which points around a point belong to its neighbourhood. The point itself is one of
 /// them, as in PCL and Open3D.

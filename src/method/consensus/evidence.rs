@@ -1,12 +1,10 @@
 //! What speaks for a pose: the surfaces themselves, whoever proposed it.
 
 use super::hypotheses::Matches;
-use super::scan::{Surface, squared_distance};
+use super::scan::{REACH, Surface, squared_distance};
 use crate::cloud::Transform;
 use crate::math;
 
-/// Distance within which surfaces lie on each other, in lengths.
-pub(super) const REACH: f64 = 1.5;
 /// Cosine of the angle between normals from which on surfaces face alike.
 const ALIKE: f64 = 0.7;
 /// How far in front of what was seen a point contradicts it, in lengths.
@@ -96,7 +94,7 @@ fn look(from: &Surface, onto: &Surface, pose: &Transform, length: f64, most: usi
             sums.looked_at += 1;
             sums.in_front += usize::from(ahead > IN_FRONT * length);
         }
-        let near = onto.tree.nearest(&place.map(|x| x as f32));
+        let Some(near) = onto.nearest(place) else { continue };
         if f64::from(near.squared_distance) >= reach * reach {
             continue;
         }

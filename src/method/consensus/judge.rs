@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::evidence::{Evidence, REACH};
-use super::scan::Surface;
+use super::evidence::Evidence;
+use super::scan::{REACH, Surface};
 use super::settle::settle;
 use super::standing::Standing;
 use super::{

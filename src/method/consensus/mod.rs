@@ -12,9 +12,9 @@ mod standing;
 use serde::{Deserialize, Serialize};
 
 pub use self::candidates::Judged;
-use self::evidence::{Evidence, REACH};
+use self::evidence::Evidence;
 use self::hypotheses::Matches;
-use self::scan::{Scan, Surface, View, Whole, squared_distance};
+use self::scan::{REACH, Scan, Surface, View, Whole, squared_distance};
 use self::settle::{Effort, Settled, settle};
 use super::registration::Timings;
 use super::{Channel, Register, Registration};

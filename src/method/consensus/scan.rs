@@ -12,9 +12,13 @@ use crate::math::{self, Vec3};
 use crate::method::channels::{Channel, Compared, joined, values_of};
 use crate::moments::Described;
 use crate::normals::{self, Orientation, OrientedBy};
-use crate::search::{Neighborhood, Neighbors, SearchTree};
+use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, Vicinity};
 use crate::visibility::{DepthImage, RangeLimit, Sight, Viewpoints};
 
+/// Distance within which surfaces lie on each other, in lengths.
+pub(super) const REACH: f64 = 1.5;
+/// Distance beyond which no surface is looked for, in lengths.
+pub(super) const FARTHEST: f64 = 2.0 * REACH;
 /// Nearest points that make a normal.
 const NORMAL_NEIGHBORS: usize = 20;
 /// Nearest points that make a descriptor.
@@ -97,7 +101,8 @@ pub(super) struct Surface {
     channels: Vec<Vec<f32>>,
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
-    pub(super) tree: SearchTree,
+    tree: SearchTree,
+    vicinity: Vicinity,
     pub(super) seen: Option<DepthImage>,
     pub(super) oriented_by: OrientedBy,
 }
@@ -209,6 +214,7 @@ impl<'a> Scan<'a> {
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
             tree: SearchTree::new(&points)?,
+            vicinity: Vicinity::new(&points, FARTHEST * self.length),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
@@ -265,6 +271,13 @@ impl Surface {
 
     pub(super) fn place(&self, i: usize) -> Vec3 {
         self.points[i].map(f64::from)
+    }
+
+    /// The point nearest to `place`; none, mostly, where it is more than
+    /// [`FARTHEST`] away.
+    pub(super) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
+        let place = place.map(|x| x as f32);
+        self.vicinity.may_hold(&place).then(|| self.tree.nearest(&place))
     }
 
     pub(super) fn normal(&self, i: usize) -> Vec3 {

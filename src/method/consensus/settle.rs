@@ -87,7 +87,7 @@ fn contacts<'a>(
 ) -> impl Iterator<Item = (usize, usize, Contact)> + 'a {
     (0..source.len()).step_by(stride).filter_map(move |i| {
         let place = pose.apply(source.place(i));
-        let near = target.tree.nearest(&place.map(|x| x as f32));
+        let near = target.nearest(place)?;
         let far = f64::from(near.squared_distance) / (reach * reach);
         let j = near.index as usize;
         let normals = [pose.rotate(source.normal(i)), target.normal(j)];

@@ -1,6 +1,7 @@
 //! How an answer stands: what speaks for it, how many poses came to it, how well it is held.
 
-use super::evidence::{Evidence, REACH};
+use super::evidence::Evidence;
+use super::scan::REACH;
 use super::settle;
 use super::{SAME, Search, apart, corners};
 use crate::cloud::Transform;
