@@ -268,6 +268,20 @@ fn a_refinement_that_stays_with_the_pose_keeps_the_verdict() {
 }
 
 #[test]
+fn a_stray_point_makes_no_pose_another() {
+    let (source, target, truth) = samples(2000);
+    let stray = |cloud: &PointCloud| {
+        let points: Vec<Vec3> = cloud.positions().chain([[2e4, 1e4, -3e4]]).collect();
+        PointCloud::new(&points).unwrap()
+    };
+    // As long as without it, which would be all there is.
+    let Method::Consensus(clean) = register(&source, &target).config else { panic!() };
+    let found = clean.register(&stray(&source), &stray(&target)).unwrap();
+    assert_eq!(decision(&found), Decision::Accept, "{:?}", found.verdict);
+    assert!(degrees(&found.transform, &truth) < 2.0);
+}
+
+#[test]
 fn any_pose_is_judged_whoever_found_it() {
     let (source, target, truth) = samples(2000);
     let judge = |source: &PointCloud, pose: &Transform| {
@@ -279,10 +293,18 @@ fn any_pose_is_judged_whoever_found_it() {
     let first = found.verdict.unwrap();
     assert_eq!(own.decision, Decision::Accept);
     assert!((own.probability - first.probability).abs() < 1e-3, "{own} {first}");
-    // The truth; off by less than it tells poses apart; of another size.
+    // The truth; off by less than a length; of another size.
     assert_eq!(judge(&source, &truth).decision, Decision::Accept);
-    let shift = Transform { translation: [0.05, 0.0, 0.0], ..Transform::IDENTITY };
-    assert_eq!(judge(&source, &shift.after(&truth)).decision, Decision::Accept);
+    let Method::Consensus(Consensus { voxel: Some(length), .. }) = found.config else { panic!() };
+    let shifted = |by: f64| {
+        let shift = Transform { translation: [by * length, 0.0, 0.0], ..Transform::IDENTITY };
+        judge(&source, &shift.after(&truth))
+    };
+    assert_eq!(shifted(0.5).decision, Decision::Accept);
+    // It would settle on the right one, but is not that.
+    let off = shifted(2.0);
+    assert_eq!(off.decision, Decision::Reject, "{off}");
+    assert!(off.reasons.last().unwrap().starts_with("the surfaces settle 0."), "{off}");
     let half = Transform { scale: 0.5, ..Transform::IDENTITY };
     let double = Transform { scale: 2.0, ..Transform::IDENTITY };
     let small = source.transformed(&half).unwrap();

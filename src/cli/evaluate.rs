@@ -31,8 +31,9 @@ pub(super) struct Evaluate {
     max_distance: Option<f64>,
     #[command(flatten)]
     thinning: Thinning,
-    /// Also a verdict on the pose, by a search of the method consensus: whether it is right, and
-    /// which other one is more probable; exit code 0 only for accept
+    /// Also a verdict on the pose, by a search of the method consensus: whether it is right, to
+    /// within the length that clouds are thinned to, and which other one is more probable; exit
+    /// code 0 only for accept
     #[arg(long)]
     verdict: bool,
     /// Where the sensors stood, for the verdict: file (where the files say, if they do), origin

@@ -52,7 +52,8 @@ class Consensus(Method):
 
         Searches as `register` does, and looks at the pose beside what is found: another one that
         is more probable is the `runner_up`. A pose is as good as the one that it settles on, if
-        that is the same to within three lengths.
+        that is the same to within a length; the reasons say how far away that is. Whether a scale
+        other than 1 is right is not judged.
 
         source, target : as for `register`
         transform : (4, 4), maps source points into the frame of the target; or a Registration

@@ -3,15 +3,14 @@
 use std::borrow::Cow;
 
 use super::evidence::Evidence;
-use super::scan::{REACH, Surface};
+use super::scan::REACH;
 use super::settle::settle;
 use super::standing::Standing;
 use super::{
-    ANSWER, Attempt, Candidate, Consensus, LOOK, OTHER, SAME, Search, apart, corners, global,
+    ANSWER, Attempt, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math;
 use crate::method::registration::Timings;
 use crate::par;
 use crate::quality::{PoseCovariance, RunnerUp, Verdict};
@@ -20,8 +19,9 @@ impl Consensus {
     /// The verdict on a `pose` that another method or program found: what a search of this
     /// method's own says of it, and which other pose is more probable, if one is.
     ///
-    /// A pose is as good as the one that it settles on, if that is the same to within three
-    /// lengths. Where it has a scale other than 1, the source is scaled first.
+    /// A pose is as good as the one that it settles on, if that is the same to within a
+    /// [length](Self::voxel); the reasons say how far away that is. Where it has a scale other
+    /// than 1, the source is scaled first: whether the scale is right is not judged.
     ///
     /// # Errors
     /// Those of [`register`](crate::method::Register::register).
@@ -59,6 +59,9 @@ impl Consensus {
         if let Some(other) = &mut verdict.runner_up {
             other.transform.scale = pose.scale;
         }
+        if pose.scale != 1.0 {
+            verdict.reasons.push(format!("its scale of {} is taken as it is", pose.scale));
+        }
         Ok(verdict)
     }
 }
@@ -70,10 +73,15 @@ impl Search<'_> {
         let (ends, corners) = (surfaces.each_ref(), corners(&surfaces[0]));
         let pose = local(pose, ends[0], ends[1]);
         let settled = settle(ends, &pose, REACH * self.length, ANSWER, &self.config.prior).pose;
-        let same = apart(&settled, &pose, &corners) <= SAME * self.length;
-        let pose = if same { settled } else { pose };
-        let evidence = Evidence::of(ends, matches, &pose, LOOK.most);
-        self.verdict(&pose, evidence, self.covariance(&pose))
+        let away = apart(&settled, &pose, &corners);
+        let held = if away <= NEAR * self.length { settled } else { pose };
+        let evidence = Evidence::of(ends, matches, &held, LOOK.most);
+        let mut verdict = self.verdict(&held, evidence, self.covariance(&held));
+        let degrees = settled.after(&pose.inverse()).angle().to_degrees();
+        verdict.reasons.push(format!(
+            "the surfaces settle {degrees:.2} degrees away, {away:.3e} in the mean of their points"
+        ));
+        verdict
     }
 
     /// On a pose between the local frames, for which `evidence` speaks.
@@ -131,9 +139,4 @@ impl Search<'_> {
                 }
             })
     }
-}
-
-/// A pose between the clouds' own frames as one between local ones.
-fn local(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
-    Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
 }

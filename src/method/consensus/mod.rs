@@ -113,6 +113,10 @@ const SURE: f64 = 5.0;
 const SAME: f64 = 3.0;
 /// And from this on a runner-up is another answer.
 const OTHER: f64 = 8.0;
+/// A pose that is judged is as good as the one that it settles on, if that is nearer than this.
+const NEAR: f64 = 1.0;
+/// Times as far from the middle as half the points are, from which on a point is a stray.
+const STRAY: f64 = 30.0;
 
 /// A pose in local frames, with what speaks for it.
 #[derive(Clone, Copy)]
@@ -330,9 +334,18 @@ fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
     })
 }
 
-/// Eight points spread over the surface, in the order of its points.
+/// Eight points spread over the surface, in the order of its points; less those that are as far
+/// away from the others as a stray return, which would tell poses apart by itself.
 fn corners(surface: &Surface) -> Vec<Vec3> {
-    (0..8).map(|k| surface.place(k * (surface.len() - 1) / 7)).collect()
+    let all: Vec<Vec3> = (0..8).map(|k| surface.place(k * (surface.len() - 1) / 7)).collect();
+    let middle = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let center = [0, 1, 2].map(|axis| middle(all.iter().map(|place| place[axis]).collect()));
+    let off = |place: &Vec3| math::norm(math::sub(*place, center));
+    let most = STRAY * middle(all.iter().map(off).collect());
+    all.into_iter().filter(|place| off(place) <= most).collect()
 }
 
 /// Mean distance between where two poses put `places`.
@@ -345,6 +358,11 @@ fn apart(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
 fn global(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
     let there = math::add(pose.translation, onto.origin);
     Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
+}
+
+/// A pose between the clouds' own frames as one between local ones.
+fn local(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+    Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
 }
 
 impl Register for Consensus {
