@@ -139,6 +139,11 @@ impl Error {
         Error::Io { path: path.as_ref().to_path_buf(), source }
     }
 
+    /// An [`Error::Parse`] of the text in `path`, at a line where one is to blame.
+    pub fn parse(path: impl AsRef<Path>, line: Option<usize>, what: impl Into<String>) -> Self {
+        Error::Parse { path: path.as_ref().to_path_buf(), line, byte: None, what: what.into() }
+    }
+
     /// An [`Error::Config`] that shows `value` as the user would write it.
     pub fn config(
         field: &'static str,

@@ -45,7 +45,11 @@ impl List {
             csv(path, &mut builder)?;
         }
         if builder.list.is_empty() {
-            return Err(wrong(path, None, "no pair: it needs rows below the names of the columns"));
+            return Err(Error::parse(
+                path,
+                None,
+                "no pair: it needs rows below the names of the columns",
+            ));
         }
         Ok(List { folder: folder.into(), ..builder.list })
     }
@@ -118,20 +122,16 @@ impl Builder {
     }
 }
 
-fn wrong(path: &Path, line: Option<usize>, what: impl Into<String>) -> Error {
-    Error::Parse { path: path.into(), line, byte: None, what: what.into() }
-}
-
 /// What is wrong with a table in CSV, and where.
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
     let line = error.position().map(|at| at.line() as usize);
     match error.into_kind() {
         csv::ErrorKind::Io(error) => Error::io(path, error),
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            wrong(path, line, format!("{len} values where the header has {expected_len}"))
+            Error::parse(path, line, format!("{len} values where the header has {expected_len}"))
         }
-        csv::ErrorKind::Utf8 { err, .. } => wrong(path, line, err.to_string()),
-        other => wrong(path, line, format!("{other:?}")),
+        csv::ErrorKind::Utf8 { err, .. } => Error::parse(path, line, err.to_string()),
+        other => Error::parse(path, line, format!("{other:?}")),
     }
 }
 
@@ -143,7 +143,7 @@ fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
         csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
     let header = reader.headers().map_err(failed)?;
     let at = |name: &str| {
-        let missing = || wrong(path, Some(1), format!("no column {name} in the header"));
+        let missing = || Error::parse(path, Some(1), format!("no column {name} in the header"));
         header.iter().position(|column| column.trim() == name).ok_or_else(missing)
     };
     let [source, target] = [at(COLUMNS[0])?, at(COLUMNS[1])?];
@@ -152,7 +152,7 @@ fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
         let pair = [source, target].map(|at| record.get(at).unwrap_or("").trim());
         if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
             let line = record.position().map(|at| at.line() as usize);
-            return Err(wrong(path, line, format!("{} is empty", COLUMNS[empty])));
+            return Err(Error::parse(path, line, format!("{} is empty", COLUMNS[empty])));
         }
         builder.add(pair);
     }
@@ -165,7 +165,7 @@ fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
         let pair = pair.each_ref().map(|name| name.as_deref().unwrap_or("").trim());
         match pair.iter().position(|name| name.is_empty()) {
             Some(empty) => {
-                Err(wrong(path, None, format!("row {number}: {} is empty", COLUMNS[empty])))
+                Err(Error::parse(path, None, format!("row {number}: {} is empty", COLUMNS[empty])))
             }
             None => {
                 builder.add(pair);
@@ -177,7 +177,7 @@ fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
 
 #[cfg(not(feature = "parquet"))]
 fn parquet(path: &Path, _: &mut Builder) -> Result<()> {
-    Err(wrong(path, None, "was built without the feature parquet: give the list as CSV"))
+    Err(Error::parse(path, None, "was built without the feature parquet: give the list as CSV"))
 }
 
 #[cfg(test)]

@@ -130,7 +130,7 @@ fn refuse(path: &Path) -> impl Fn(ParquetError) -> Error {
 }
 
 fn wrong(path: &Path, what: String) -> Error {
-    Error::Parse { path: path.into(), line: None, byte: None, what }
+    Error::parse(path, None, what)
 }
 
 /// Writes rows, every column but `index`, `source` and `target` nullable.

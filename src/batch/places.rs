@@ -25,7 +25,7 @@ impl Places {
     /// what is no finite number.
     pub fn read(path: &Path) -> Result<Places> {
         let failed = |error| csv_error(path, error);
-        let wrong = |line, what| Error::Parse { path: path.into(), line, byte: None, what };
+        let wrong = |line, what: String| Error::parse(path, line, what);
         let mut reader =
             csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
         let header = reader.headers().map_err(failed)?;

@@ -31,7 +31,7 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
     let mut files = files.collect::<Result<Vec<PathBuf>>>()?;
     files.retain(|file| file.extension().is_some_and(|end| end == "parquet"));
     files.sort();
-    let wrong = |what| Error::Parse { path: path.into(), line: None, byte: None, what };
+    let wrong = |what: String| Error::parse(path, None, what);
     if files.is_empty() {
         return Err(wrong("no .parquet in this folder".into()));
     }
@@ -51,7 +51,8 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
 /// [`Error::Parse`] as [`read`].
 pub fn parse(json_lines: &str) -> Result<Vec<Row>> {
     let path = Path::new("rows");
-    let row = |(line, number)| json_row(line).map_err(|what| wrong(path, Some(number), what));
+    let row =
+        |(line, number)| json_row(line).map_err(|what| Error::parse(path, Some(number), what));
     json_lines.lines().zip(1..).map(row).collect()
 }
 
@@ -66,15 +67,11 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Resu
         #[cfg(feature = "parquet")]
         Format::Parquet => super::parquet::rows(path, |number, cells| {
             let row = Row::read(|name| cells.get(name).cloned());
-            take(row.map_err(|what| wrong(path, None, format!("row {number}: {what}")))?)
+            take(row.map_err(|what| Error::parse(path, None, format!("row {number}: {what}")))?)
         }),
         #[cfg(not(feature = "parquet"))]
         Format::Parquet => Ok(()),
     }
-}
-
-fn wrong(path: &Path, line: Option<usize>, what: String) -> Error {
-    Error::Parse { path: path.into(), line, byte: None, what }
 }
 
 fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
@@ -86,7 +83,7 @@ fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
     while reader.read_record(&mut record).map_err(failed)? {
         let get = |name: &str| record.get(*places.get(name)?).map(Value::from);
         let line = record.position().map(|at| at.line() as usize);
-        take(Row::read(get).map_err(|what| wrong(path, line, what))?)?;
+        take(Row::read(get).map_err(|what| Error::parse(path, line, what))?)?;
     }
     Ok(())
 }
@@ -95,7 +92,7 @@ fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()
     let file = File::open(path).map_err(|error| Error::io(path, error))?;
     for (line, number) in BufReader::new(file).lines().zip(1..) {
         let line = line.map_err(|error| Error::io(path, error))?;
-        take(json_row(&line).map_err(|what| wrong(path, Some(number), what))?)?;
+        take(json_row(&line).map_err(|what| Error::parse(path, Some(number), what))?)?;
     }
     Ok(())
 }

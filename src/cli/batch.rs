@@ -7,7 +7,7 @@ use clap::Args;
 use indicatif::ProgressStyle;
 
 use super::options::MethodOptions;
-use super::{Outcome, outputs, progress, say};
+use super::{Outcome, outputs, progress, reading, say};
 use crate::batch::{self, List, Start};
 use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
@@ -37,9 +37,7 @@ pub(super) struct Batch {
     /// Clouds kept for later pairs, in bytes or with a unit: 512MB, 4GiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     memory: usize,
-    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
-    /// each file's frame, where it says nothing), none (unknown)
-    #[arg(long, value_name = "WHERE", default_value_t)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
     /// Give a pair up after so many seconds; which pairs come near the limit depends on the
     /// machine

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{Outcome, outputs, print, progress};
+use super::{Outcome, outputs, print, progress, reading};
 use crate::cloud::Viewpoints;
 use crate::error::Result;
 use crate::experiment::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
@@ -44,9 +44,7 @@ pub(super) struct Benchmark {
     /// Seed of the motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
-    /// each file's frame, where it says nothing), none (unknown)
-    #[arg(long, value_name = "WHERE", default_value_t)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
     /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, outputs, print, print_json, say, thinning};
+use super::{Outcome, outputs, print, print_json, reading, say};
 use crate::error::Result;
 use crate::filter::Thinning;
 use crate::{io, search};
@@ -113,7 +113,7 @@ impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
         outputs::check(&[&self.input], &[("output", Some(&self.output))])?;
-        let mut cloud = thinning::read(&self.input, &self.thinning, 0)?;
+        let mut cloud = reading::read(&self.input, &self.thinning, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, print, print_json, thinning};
+use super::{Outcome, print, print_json, reading};
 use crate::cloud::Viewpoints;
 use crate::error::Result;
 use crate::filter::Thinning;
@@ -36,9 +36,7 @@ pub(super) struct Evaluate {
     /// code 0 only for accept
     #[arg(long)]
     verdict: bool,
-    /// Where the sensors stood, for the verdict: file (where the files say, if they do), origin
-    /// (at the zero of each file's frame, where it says nothing), none (unknown)
-    #[arg(long, value_name = "WHERE", default_value_t)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -58,9 +56,8 @@ impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
-        let read =
-            |path, stream| self.viewpoints.apply(thinning::read(path, &self.thinning, stream)?);
-        let (source, target) = (read(&self.source, 0)?, read(&self.target, 1)?);
+        let files = [self.source.as_path(), &self.target];
+        let [source, target] = reading::read_pair(files, &self.thinning, self.viewpoints)?;
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         let judge = Consensus::default();

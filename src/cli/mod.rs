@@ -11,9 +11,9 @@ mod graph;
 mod options;
 mod outputs;
 mod pairs;
+mod reading;
 mod register;
 mod reproduce;
-mod thinning;
 mod trials;
 
 use std::io::{self, IsTerminal, Write};

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::MethodOptions;
-use super::{Outcome, matrix_text, outputs, print, print_json, progress, say, thinning};
+use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading, say};
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
@@ -23,9 +23,7 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Thinning,
-    /// Where the sensors stood: file (where the files say, if they do), origin (at the zero of
-    /// each file's frame, where it says nothing), none (unknown)
-    #[arg(long, value_name = "WHERE", default_value_t)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
     /// A verdict on the pose of any method, by a search like that of consensus, which has one
     /// anyway
@@ -67,9 +65,8 @@ impl Register {
         let bar = progress(0, "registering");
         let mut registration = par::with_threads(threads, || {
             let start = std::time::Instant::now();
-            let read =
-                |path, stream| self.viewpoints.apply(thinning::read(path, &thinning, stream)?);
-            let (source, target) = (read(&self.source, 0)?, read(&self.target, 1)?);
+            let files = [self.source.as_path(), &self.target];
+            let [source, target] = reading::read_pair(files, &thinning, self.viewpoints)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             if self.verdict && registration.verdict.is_none() {

@@ -171,14 +171,7 @@ mod tests {
     /// Points of a sphere of radius 1 with z above `lowest`, some 0.06 apart, their normals,
     /// and the ways to their neighbours.
     fn cap(lowest: f64) -> (Vec<[f32; 3]>, Vec<Vec3>) {
-        let n = 3000;
-        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-        let all = (0..n).map(|i| {
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
-            let (sine, cosine) = (golden * f64::from(i)).sin_cos();
-            [(1.0 - z * z).sqrt() * cosine, (1.0 - z * z).sqrt() * sine, z]
-        });
-        let points: Vec<Vec3> = all.filter(|p| p[2] > lowest).collect();
+        let points: Vec<Vec3> = directions(3000).filter(|p| p[2] > lowest).collect();
         let toward = points.iter().map(|&p| math::scaled(p, -0.01)).collect();
         (points.iter().map(|p| p.map(|x| x as f32)).collect(), toward)
     }

@@ -126,7 +126,7 @@ pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
 }
 
 fn parse(path: &Path, line: usize, what: impl Into<String>) -> Error {
-    Error::Parse { path: path.into(), line: Some(line), byte: None, what: what.into() }
+    Error::parse(path, Some(line), what)
 }
 
 fn table(path: &Path, folder: &Path, text: &str) -> Result<Vec<Pair>> {

@@ -108,8 +108,7 @@ pub fn write(hall: &Hall, path: &Path) -> Result<()> {
 /// The pair's true pose from the table of pairs; `None` where that is not, or lacks it.
 fn truth(table: &Path) -> Result<Option<Transform>> {
     let Ok(mut reader) = csv::Reader::from_path(table) else { return Ok(None) };
-    let parse =
-        |what: String| Error::Parse { path: table.to_path_buf(), line: None, byte: None, what };
+    let parse = |what: String| Error::parse(table, None, what);
     let columns = reader.headers().map_err(|error| parse(error.to_string()))?.clone();
     let column = |name: &str| {
         columns.iter().position(|x| x == name).ok_or_else(|| parse(format!("has no {name}")))

@@ -1,11 +1,11 @@
-//! How many points of a file are used: `--voxel`, `--sample` and `--seed`.
+//! What is made of a file that is read: `--voxel`, `--sample`, `--seed` and `--viewpoints`.
 
 use std::path::Path;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use super::say;
-use crate::cloud::PointCloud;
+use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::Result;
 use crate::filter::Thinning;
 use crate::io;
@@ -20,6 +20,20 @@ pub(super) fn read(path: &Path, thinning: &Thinning, stream: u64) -> Result<Poin
     }
     thinning.apply(cloud, stream)
 }
+
+/// The source and the target of a pair.
+pub(super) fn read_pair(
+    [source, target]: [&Path; 2],
+    thinning: &Thinning,
+    viewpoints: Viewpoints,
+) -> Result<[PointCloud; 2]> {
+    let read = |path, stream| viewpoints.apply(read(path, thinning, stream)?);
+    Ok([read(source, 0)?, read(target, 1)?])
+}
+
+/// The help of `--viewpoints`.
+pub(super) const VIEWPOINTS: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
+     file's frame, where it says nothing), none (unknown)";
 
 impl Args for Thinning {
     fn augment_args(command: Command) -> Command {
