@@ -100,6 +100,11 @@ fn terrestrial_scans_are_registered_however_they_are_moved() {
         let methods = ["consensus".to_string()];
         let rows = benchmark::run(&pairs, &methods, settings, None, |_, _| ()).unwrap();
         assert!(rows.iter().all(|row| row.right), "{seed}: {rows:#?}");
+        // Of fewer points the robot that carried it is what is seen best: it is everywhere.
+        let few = Settings { points: 20_000, ..settings };
+        let rows = benchmark::run(&pairs, &methods, few, None, |_, _| ()).unwrap();
+        assert!(rows.iter().all(|row| row.right || !row.accepted), "{seed}: {rows:#?}");
+        assert!(rows.iter().filter(|row| row.accepted).count() >= 1, "{seed}: {rows:#?}");
     }
 }
 
@@ -279,6 +284,28 @@ fn a_stray_point_makes_no_pose_another() {
     let found = clean.register(&stray(&source), &stray(&target)).unwrap();
     assert_eq!(decision(&found), Decision::Accept, "{:?}", found.verdict);
     assert!(degrees(&found.transform, &truth) < 2.0);
+}
+
+#[test]
+fn clouds_that_differ_in_scale_have_no_rigid_pose() {
+    let (source, target, truth) = samples(4000);
+    for scale in [0.92, 0.95, 1.05, 1.08] {
+        let grow = Transform { scale, ..Transform::IDENTITY };
+        let grown = source.transformed(&grow).unwrap();
+        let verdict = register(&grown, &target).verdict.unwrap();
+        assert_eq!(verdict.decision, Decision::Ambiguous, "{scale}: {verdict}");
+        let told = verdict.reasons.iter().find_map(|reason| {
+            reason.strip_prefix("scaled by ")?.split(' ').next()?.parse::<f64>().ok()
+        });
+        assert!((told.unwrap() * scale - 1.0).abs() < 0.01, "{scale}: {verdict}");
+        // Whoever says so, too; and the right one is right.
+        let judge = |scale: f64| {
+            let pose = truth.after(&Transform { scale, ..Transform::IDENTITY });
+            Consensus::default().judge(&grown, &target, &pose).unwrap().decision
+        };
+        assert_ne!(judge(1.0), Decision::Accept);
+        assert_eq!(judge(1.0 / scale), Decision::Accept);
+    }
 }
 
 #[test]

@@ -13,14 +13,15 @@ use crate::cloud::PointCloud;
 use crate::math::cholesky;
 use crate::math::{self, Vec3};
 
-/// Depth of the shell that holds them, as a share of the range.
-const SHELL: f64 = 1e-3;
+/// Depths of the shell that may hold them, as shares of the range: exact ones, and ones as noisy
+/// as a scanner's.
+const SHELLS: [f64; 3] = [1e-3, 2e-3, 4e-3];
 /// Depth of what is nearly empty before it: surfaces end gradually.
 const VOID: f64 = 0.05;
 /// Most points in there, as a share of those in the shell.
 const STRAYS: f64 = 0.05;
 /// Least and most of the points that are in the shell: fewer change nothing, more are a surface.
-const SHARE: [f64; 2] = [0.002, 1.0 / 3.0];
+const SHARE: [f64; 2] = [0.002, 0.6];
 /// Fewest points of a shell.
 const FEWEST: usize = 20;
 /// Points among which a sphere is sought.
@@ -39,23 +40,17 @@ pub struct RangeLimit {
     pub viewpoint: Vec3,
     /// The largest distance of a point from it.
     pub range: f64,
+    /// How much nearer than that they may be, as a share of it.
+    pub depth: f64,
     /// Points there.
     pub points: usize,
 }
 
 impl RangeLimit {
     /// The limit of a sensor at `viewpoint`: none where the farthest points are no more than
-    /// the end of a surface, or a surface themselves.
+    /// the end of a surface, or a surface themselves, or all are far from it.
     pub fn about(cloud: &PointCloud, viewpoint: Vec3) -> Option<RangeLimit> {
-        let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
-        let distances = cloud.positions().map(distance);
-        let range = distances.clone().fold(0.0, f64::max);
-        let beyond = |share: f64| distances.clone().filter(|d| *d >= (1.0 - share) * range).count();
-        let (points, n) = (beyond(SHELL), cloud.len() as f64);
-        let many = points >= FEWEST && points as f64 >= SHARE[0] * n;
-        let shell = many && points as f64 <= SHARE[1] * n;
-        let alone = || ((beyond(VOID) - points) as f64) < STRAYS * points as f64;
-        (shell && alone()).then_some(RangeLimit { viewpoint, range, points })
+        SHELLS.iter().find_map(|&depth| RangeLimit::in_shell(cloud, viewpoint, depth))
     }
 
     /// The limit of a sensor of which nothing is known: the farthest points of the cloud lie on
@@ -73,15 +68,33 @@ impl RangeLimit {
         extremes.sort_unstable();
         extremes.dedup();
         let extremes: Vec<Vec3> = extremes.into_iter().map(|i| sample[i]).collect();
-        let sphere = Sphere::around(&extremes)?;
-        RangeLimit::about(cloud, math::add(sphere.center, center))
+        SHELLS.iter().find_map(|&depth| {
+            let sphere = Sphere::around(&extremes, depth)?;
+            RangeLimit::about(cloud, math::add(sphere.center, center))
+        })
+    }
+
+    fn in_shell(cloud: &PointCloud, viewpoint: Vec3, depth: f64) -> Option<RangeLimit> {
+        let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
+        let distances = cloud.positions().map(distance);
+        let range = distances.clone().fold(0.0, f64::max);
+        // Seen from outside, a far wall is as thin.
+        if range > cloud.diagonal() {
+            return None;
+        }
+        let beyond = |share: f64| distances.clone().filter(|d| *d >= (1.0 - share) * range).count();
+        let (points, n) = (beyond(depth), cloud.len() as f64);
+        let many = points >= FEWEST && points as f64 >= SHARE[0] * n;
+        let shell = many && points as f64 <= SHARE[1] * n;
+        let alone = || ((beyond(VOID) - points) as f64) < STRAYS * points as f64;
+        (shell && alone()).then_some(RangeLimit { viewpoint, range, depth, points })
     }
 
     /// The points of `cloud` that are nearer.
     pub fn within(&self, cloud: &PointCloud) -> PointCloud {
         let nearer = |i: &usize| {
             let distance = math::norm(math::sub(cloud.position(*i), self.viewpoint));
-            distance < (1.0 - SHELL) * self.range
+            distance < (1.0 - self.depth) * self.range
         };
         cloud.select(&(0..cloud.len()).filter(nearer).collect::<Vec<_>>())
     }
@@ -94,9 +107,10 @@ struct Sphere {
 }
 
 impl Sphere {
-    /// The sphere that holds all `points` and has most of them on it, at least [`THROUGH`]:
-    /// through four at random, then through all that are near.
-    fn around(points: &[Vec3]) -> Option<Sphere> {
+    /// The sphere that holds all `points` and has most of them on it, at least [`THROUGH`], to
+    /// within a share `depth` of its radius: through four at random, then through all that are
+    /// near.
+    fn around(points: &[Vec3], depth: f64) -> Option<Sphere> {
         if points.len() < THROUGH {
             return None;
         }
@@ -105,11 +119,11 @@ impl Sphere {
             let four = index::sample(&mut rng, points.len(), 4);
             let mut sphere = Sphere::through(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
             for reach in [4.0, 2.0, 1.0] {
-                let near = points.iter().filter(|p| sphere.off(**p).abs() < reach * SHELL);
+                let near = points.iter().filter(|p| sphere.off(**p).abs() < reach * depth);
                 sphere = Sphere::through(&near.copied().collect::<Vec<_>>())?;
             }
-            let on = points.iter().filter(|p| sphere.off(**p).abs() < SHELL).count();
-            let holds = points.iter().all(|p| sphere.off(*p) < SHELL);
+            let on = points.iter().filter(|p| sphere.off(**p).abs() < depth).count();
+            let holds = points.iter().all(|p| sphere.off(*p) < depth);
             (holds && on >= THROUGH).then_some((on, sphere))
         });
         tries.max_by_key(|(on, _)| *on).map(|(_, sphere)| sphere)
@@ -148,13 +162,13 @@ mod tests {
     const SENSOR: Vec3 = [0.0, 0.0, 1.7];
 
     /// A yard 20 m wide seen from its middle, and where the gate is open, returns at 50 m,
-    /// `share` of the whole.
-    fn yard(share: f64) -> Vec<Vec3> {
+    /// `share` of the whole, up to `noise` nearer.
+    fn yard(share: f64, noise: f64) -> Vec<Vec3> {
         let n = 6000;
         let gate = (f64::from(n) * share) as i32;
         let far = (0..gate).map(|i| {
             let (around, up) = (f64::from(i % 40) / 40.0 - 0.2, f64::from(i / 40) / 400.0 - 0.05);
-            let range = 50.0 - 0.01 * f64::from(i % 3);
+            let range = 50.0 - noise * f64::from(i % 7) / 6.0;
             let ray = math::normalized([around.cos(), around.sin(), up]);
             math::add(SENSOR, math::scaled(ray, range))
         });
@@ -167,28 +181,41 @@ mod tests {
 
     #[test]
     fn a_limit_is_found_wherever_the_cloud_stands() {
-        let yard = yard(0.1);
         let turn = Transform::from_rotation_vector([0.7, -2.0, 0.4]);
         let moved = Transform { translation: [3.0, -80.0, 12.0], ..turn };
-        for pose in [Transform::IDENTITY, moved] {
+        // Exact; as noisy as a scanner's; most of an open field.
+        let kinds = [(0.1, 0.02), (0.1, 0.1), (0.5, 0.02)];
+        for (pose, (share, noise)) in
+            [Transform::IDENTITY, moved].into_iter().flat_map(|pose| kinds.map(|kind| (pose, kind)))
+        {
+            let yard = yard(share, noise);
             let cloud: Vec<Vec3> = yard.iter().map(|&p| pose.apply(p)).collect();
             let cloud = PointCloud::new(&cloud).unwrap();
             let found = RangeLimit::find(&cloud).unwrap();
             let off = math::norm(math::sub(found.viewpoint, pose.apply(SENSOR)));
-            assert!(off < 0.1 && (found.range - 50.0).abs() < 0.05, "{found:?}");
-            assert_eq!(RangeLimit::about(&cloud, pose.apply(SENSOR)).unwrap().points, 600);
-            assert_eq!((found.points, found.within(&cloud).len()), (600, 5400));
+            // A gate is a small part of the sphere: noise tells on its middle.
+            assert!(off < 10.0 * noise && (found.range - 50.0).abs() < 0.05 + noise, "{found:?}");
+            let shell = (6000.0 * share) as usize;
+            assert_eq!(RangeLimit::about(&cloud, pose.apply(SENSOR)).unwrap().points, shell);
+            assert_eq!((found.points, found.within(&cloud).len()), (shell, 6000 - shell));
         }
     }
 
     #[test]
     fn what_ends_like_a_surface_or_is_one_has_no_limit() {
         // A yard without a gate; a few returns alone; the greater part of all.
-        for share in [0.0, 0.001, 0.5] {
-            let cloud = PointCloud::new(&yard(share)).unwrap();
+        for share in [0.0, 0.001, 0.8] {
+            let cloud = PointCloud::new(&yard(share, 0.02)).unwrap();
             assert_eq!(RangeLimit::find(&cloud), None, "{share}");
             assert_eq!(RangeLimit::about(&cloud, SENSOR), None, "{share}");
         }
+        // A wall at the far end of a room, from a place that is far outside.
+        let room = (0..6000).map(|i| {
+            let [x, y] = [i % 40, i / 40 % 50].map(|k| 0.1 * f64::from(k));
+            if i < 4500 { [x, y, 0.0] } else { [4.0, y, 0.1 * f64::from(i % 25)] }
+        });
+        let room = PointCloud::new(&room.collect::<Vec<_>>()).unwrap();
+        assert_eq!(RangeLimit::about(&room, [-3000.0, 2.5, 1.0]), None);
         // A ball, a disc about the viewpoint, three points, none.
         let ball: Vec<Vec3> = directions(2000).collect();
         let disc = (0..2500).map(|i| [f64::from(i % 50) - 24.5, f64::from(i / 50) - 24.5, 0.0]);

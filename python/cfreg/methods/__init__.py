@@ -107,7 +107,7 @@ def register(
     initial : (4, 4) pose to start from, for the methods that start from one
     matches : (K, 2) rows of source and target, for "teaser"
     settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
-        explain: of "consensus" voxel, seeds, channels; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
+        explain: of "consensus" voxel, seeds, prior, channels, range_limit; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
         normal_neighbors, more_neighbors, orientation, histogram; threads
 
     Returns

@@ -29,6 +29,8 @@ class Consensus(Method):
     prior : cfreg.Prior, what is known of the pose beforehand
     channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
         a share: 1, the default, matters as much as the whole shape
+    range_limit : whether returns at the limit of a sensor's range are looked for and left out;
+        False where a round wall is taken for such (the reasons of the verdict tell)
 
     >>> import cfreg
     >>> cfreg.Consensus().voxel is None
@@ -40,6 +42,7 @@ class Consensus(Method):
     seeds: int = 200
     prior: Prior | None = None
     channels: str | Sequence[str] = ()
+    range_limit: bool = True
     threads: int = 0
 
     def __post_init__(self) -> None:
@@ -52,8 +55,8 @@ class Consensus(Method):
 
         Searches as `register` does, and looks at the pose beside what is found: another one that
         is more probable is the `runner_up`. A pose is as good as the one that it settles on, if
-        that is the same to within a length; the reasons say how far away that is. Whether a scale
-        other than 1 is right is not judged.
+        that is the same to within a length; the reasons say how far away that is. Clouds that
+        differ in scale by some percent are ambiguous, and the reasons name the scale.
 
         source, target : as for `register`
         transform : (4, 4), maps source points into the frame of the target; or a Registration

@@ -51,7 +51,10 @@ impl Consensus {
     /// Those of `register`.
     pub fn candidates(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<Judged>> {
         par::with_threads(self.threads, || {
-            let search = self.search(source, target, &mut Timings::default())?;
+            let times = &mut Timings::default();
+            let search = self.search(source, target, times)?;
+            let pose = search.found();
+            let search = search.without_carriers(&pose, times);
             let mut judged = Vec::new();
             for attempt in &search.attempts {
                 let [from, onto] = &attempt.surfaces;

@@ -13,7 +13,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::method::registration::Timings;
 use crate::par;
-use crate::quality::{PoseCovariance, RunnerUp, Verdict};
+use crate::quality::{Decision, PoseCovariance, RunnerUp, Verdict};
 
 impl Consensus {
     /// The verdict on a `pose` that another method or program found: what a search of this
@@ -21,7 +21,8 @@ impl Consensus {
     ///
     /// A pose is as good as the one that it settles on, if that is the same to within a
     /// [length](Self::voxel); the reasons say how far away that is. Where it has a scale other
-    /// than 1, the source is scaled first: whether the scale is right is not judged.
+    /// than 1, the source is scaled first. Clouds that differ in scale by some percent have a pose
+    /// on which much of them lies on each other: that is ambiguous, and the reasons name the scale.
     ///
     /// # Errors
     /// Those of [`register`](crate::method::Register::register).
@@ -53,14 +54,12 @@ impl Consensus {
         };
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
-            let search = self.search(&scaled, target, &mut Timings::default())?;
-            Ok::<_, Error>(search.verdict_on(&rigid))
+            let times = &mut Timings::default();
+            let search = self.search(&scaled, target, times)?;
+            Ok::<_, Error>(search.without_carriers(&rigid, times).verdict_on(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {
             other.transform.scale = pose.scale;
-        }
-        if pose.scale != 1.0 {
-            verdict.reasons.push(format!("its scale of {} is taken as it is", pose.scale));
         }
         Ok(verdict)
     }
@@ -115,9 +114,28 @@ impl Search<'_> {
                 let rest = "at the limit of its sensor's range, are left out";
                 reasons.push(format!("{points} points of the {name} {range:.1} away, {rest}"));
             }
+            if scan.nearest() > 0.0 {
+                let nearest = scan.nearest();
+                reasons.push(format!(
+                    "what of the {name} is within {nearest:.3e} of its sensor, and may travel \
+                     with it, is left out: sensor lies on sensor"
+                ));
+            }
         }
         let runner_up = self.runner_up(pose, &standing);
-        Verdict::new(standing.probability(), evidence.overlap, reasons, runner_up, covariance)
+        let told = standing.probability();
+        let mut verdict = Verdict::new(told, evidence.overlap, reasons, runner_up, covariance);
+        if verdict.decision == Decision::Accept
+            && let Some(other) = self.other_scale(pose, &evidence)
+        {
+            verdict.decision = Decision::Ambiguous;
+            verdict.reasons.push(format!(
+                "scaled by {:.3} the source would lie on the target with {:.0} %: are both in one unit?",
+                other.scale,
+                100.0 * other.overlap
+            ));
+        }
+        verdict
     }
 
     /// The most probable pose that is another than `pose`, of all that was tried; held as

@@ -1,28 +1,31 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
 mod answer;
+mod attempt;
 mod candidates;
 mod evidence;
 mod hypotheses;
 mod judge;
+mod scale;
 mod scan;
 mod settle;
 mod standing;
+mod whole;
 
 use serde::{Deserialize, Serialize};
 
+use self::attempt::{Attempt, Candidate};
 pub use self::candidates::Judged;
 use self::evidence::Evidence;
-use self::hypotheses::Matches;
-use self::scan::{REACH, Scan, Surface, View, Whole, squared_distance};
+use self::scan::{REACH, Scan, Surface, View};
 use self::settle::{Effort, Settled, settle};
+use self::whole::Whole;
 use super::registration::Timings;
 use super::{Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
-use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
 
@@ -41,7 +44,9 @@ use crate::pose::{Prior, ScaleEstimate};
 /// not matter, nor where the clouds stand. Where the place of a sensor is known
 /// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
 /// where it is not, it is guessed. Returns at the limit of a sensor's range are no surface and
-/// left out ([`RangeLimit`](crate::visibility::RangeLimit)).
+/// left out ([`RangeLimit`](crate::visibility::RangeLimit)). Where a pose lays one sensor on the
+/// other, what is near to them is left out as well: a vehicle, or whoever carries the sensor, is
+/// seen alike from wherever it goes.
 ///
 /// Weights of points ([`PointCloud::with_weights`]) count where poses are solved: a match, and a
 /// pair of surface points, is multiplied by those of its two points, each the mean of its cube.
@@ -77,6 +82,10 @@ pub struct Consensus {
     /// [`Describe::joined`](super::Describe::joined) says; default none. They find matches and
     /// count where surfaces look alike; the pose is settled on the shape alone.
     pub channels: Vec<Channel>,
+    /// Whether returns at the limit of a sensor's range are looked for and left out; default
+    /// true. False where a round wall or a sky that was modelled is taken for such: the reasons
+    /// of the verdict say how many points are left out.
+    pub range_limit: bool,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
@@ -88,6 +97,7 @@ impl Default for Consensus {
             seeds: 200,
             prior: Prior::default(),
             channels: Vec::new(),
+            range_limit: true,
             threads: 0,
         }
     }
@@ -95,20 +105,10 @@ impl Default for Consensus {
 
 /// Points that a cloud is thinned to.
 const POINTS: usize = 5000;
-/// Most matches: their graph takes the square of them in bits.
-const MATCHES: usize = 2500;
-/// Mutual matches below which every point of the source is matched with its most alike.
-const FEW: usize = 16;
-/// Points by which hypotheses are judged at first.
-const GLANCE: usize = 200;
-/// Hypotheses that are settled.
-const SETTLED: usize = 12;
 /// How they are settled, and by as many points they are judged then.
 const LOOK: Effort = Effort { most: 1000, steps: 12, rest: 0.01 };
 /// How the answer is settled: to where its own errors are larger than those of the last step.
 const ANSWER: Effort = Effort { most: usize::MAX, steps: 100, rest: 1e-4 };
-/// Log odds from which on no other way to see the clouds is tried.
-const SURE: f64 = 5.0;
 /// Poses that move points apart by less than this, in lengths, are one.
 const SAME: f64 = 3.0;
 /// And from this on a runner-up is another answer.
@@ -118,27 +118,14 @@ const NEAR: f64 = 1.0;
 /// Times as far from the middle as half the points are, from which on a point is a stray.
 const STRAY: f64 = 30.0;
 
-/// A pose in local frames, with what speaks for it.
-#[derive(Clone, Copy)]
-struct Candidate {
-    pose: Transform,
-    evidence: Evidence,
-}
-
-/// One way to see both clouds, and what came of it.
-struct Attempt {
-    surfaces: [Surface; 2],
-    matches: Matches,
-    /// Most probable first; may be empty.
-    candidates: Vec<Candidate>,
-}
-
 /// All that was tried on two clouds, and what came out best.
 struct Search<'a> {
     /// With its length in force.
     config: Consensus,
     length: f64,
     scans: [Scan<'a>; 2],
+    /// From where they were seen, where that is known.
+    sensors: [Option<View>; 2],
     attempts: Vec<Attempt>,
     /// Which of them has the answer.
     best: usize,
@@ -179,7 +166,9 @@ impl Consensus {
 
     fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         let mut times = Timings::default();
-        self.search(source, target, &mut times)?.answer(times)
+        let search = self.search(source, target, &mut times)?;
+        let pose = search.found();
+        search.without_carriers(&pose, &mut times).answer(times)
     }
 
     fn search<'a>(
@@ -195,15 +184,25 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let [source, target] = times
-            .time("range limit", || par::both([source, target], |cloud| Ok(Whole::of(cloud))))?;
+        let whole = |cloud| Ok(Whole::of(cloud, self.range_limit));
+        let clouds = times.time("range limit", || par::both([source, target], whole))?;
+        self.search_in(clouds, times)
+    }
+
+    fn search_in<'a>(
+        &self,
+        [source, target]: [Whole<'a>; 2],
+        times: &mut Timings,
+    ) -> Result<Search<'a>> {
         let length = times.time("thin", || self.length(&source.cloud, &target.cloud))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
             par::both(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
         })?;
-        let attempts = config.attempts(&scans, length, times)?;
+        let ends = || scans.each_ref();
+        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.sensor()))?;
+        let attempts = config.attempts(&scans, sensors, length, times)?;
         let odds = |attempt: &Attempt| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
         };
@@ -219,119 +218,30 @@ impl Consensus {
         let settled =
             times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
         let evidence = Evidence::of(ends, &at.matches, &settled.pose, LOOK.most);
-        Ok(Search { config, length, scans, attempts, best, settled, evidence })
-    }
-
-    /// Tries the ways to see the clouds in turn, until one is sure.
-    fn attempts(
-        &self,
-        scans: &[Scan<'_>; 2],
-        length: f64,
-        times: &mut Timings,
-    ) -> Result<Vec<Attempt>> {
-        let mut attempts = Vec::new();
-        let mut attempt = |views: [View; 2], times: &mut Timings| -> Result<bool> {
-            let found = self.attempt(scans, views, length, times)?;
-            let odds = found.candidates.first().map(|best| best.evidence.log_odds());
-            attempts.push(found);
-            Ok(odds.is_some_and(|odds| odds >= SURE))
-        };
-        let ends = || scans.each_ref();
-        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.sensor()))?;
-        if let [Some(source), Some(target)] = sensors
-            && attempt([source, target], times)?
-        {
-            return Ok(attempts);
-        }
-        if attempt([View::Outward; 2], times)? {
-            return Ok(attempts);
-        }
-        let [source, target] =
-            times.time("viewpoints", || par::both(ends(), |scan| scan.guesses()))?;
-        for (source, target) in source.into_iter().zip(target) {
-            if let (Some(source), Some(target)) = (source, target)
-                && attempt([source, target], times)?
-            {
-                break;
-            }
-        }
-        Ok(attempts)
-    }
-
-    fn attempt(
-        &self,
-        scans: &[Scan<'_>; 2],
-        [from, onto]: [View; 2],
-        length: f64,
-        times: &mut Timings,
-    ) -> Result<Attempt> {
-        let [source, target] = times.time("descriptors", || {
-            let seen = [(&scans[0], from), (&scans[1], onto)];
-            let mut surfaces = par::both(seen, |(scan, view)| scan.surface(view))?;
-            Surface::compare(&mut surfaces, &self.channels)?;
-            Ok::<_, Error>(surfaces)
-        })?;
-        let matches = times.time("matches", || matched(&source, &target, length))?;
-        let found = times.time("hypotheses", || matches.hypotheses(self.seeds, &self.prior));
-        let corners = corners(&source);
-        let mut distinct: Vec<Transform> = Vec::new();
-        for hypothesis in found {
-            let new = |pose: &Transform| apart(pose, &hypothesis.pose, &corners) > SAME * length;
-            if distinct.iter().all(new) {
-                distinct.push(hypothesis.pose);
-            }
-        }
-        let ends = [&source, &target];
-        let judged = |pose: Transform, most| Candidate {
-            pose,
-            evidence: Evidence::of(ends, &matches, &pose, most),
-        };
-        let sorted = |mut all: Vec<Candidate>| {
-            all.sort_by(|a, b| b.evidence.log_odds().total_cmp(&a.evidence.log_odds()));
-            all
-        };
-        let candidates = times.time("judge", || {
-            let glance = par::map(distinct.len(), || (), |_, i| judged(distinct[i], GLANCE));
-            let mut best = sorted(glance);
-            best.truncate(SETTLED);
-            sorted(par::map(
-                best.len(),
-                || (),
-                |_, i| {
-                    judged(
-                        settle(ends, &best[i].pose, REACH * length, LOOK, &self.prior).pose,
-                        LOOK.most,
-                    )
-                },
-            ))
-        });
-        Ok(Attempt { surfaces: [source, target], matches, candidates })
+        Ok(Search { config, length, scans, sensors, attempts, best, settled, evidence })
     }
 }
 
-/// Pairs of points that are each other's most alike, the most alike first where there are many.
-fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
-    let connection = FullConnection::new(source.described(), target.described())?;
-    let mut pairs = connection.mutual();
-    if pairs.len() < FEW {
-        pairs = connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect();
+impl Search<'_> {
+    /// The pose that came out best, between the clouds' own frames.
+    fn found(&self) -> Transform {
+        let [from, onto] = &self.attempts[self.best].surfaces;
+        global(&self.settled.pose, from, onto)
     }
-    if pairs.len() > MATCHES {
-        let distance = |&(i, j): &(u32, u32)| {
-            let rows = (source.descriptors.row(i as usize), target.descriptors.row(j as usize));
-            squared_distance(rows.0, rows.1)
+
+    /// The search once more without what may travel with the sensors, where `pose`, between the
+    /// clouds' own frames, lays one on the other: their carriers do by it, wherever they went.
+    fn without_carriers(self, pose: &Transform, times: &mut Timings) -> Self {
+        let [Some(View::Sensor(source, _)), Some(View::Sensor(target, _))] = self.sensors else {
+            return self;
         };
-        pairs.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
-        pairs.truncate(MATCHES);
+        let off = math::norm(math::sub(pose.apply(source), target));
+        if off > self.length {
+            return self;
+        }
+        let far = [self.scans[0].without_carrier(source), self.scans[1].without_carrier(target)];
+        self.config.search_in(far, times).unwrap_or(self)
     }
-    let weight = |&(i, j): &(u32, u32)| source.weight(i as usize) * target.weight(j as usize);
-    pairs.retain(|pair| weight(pair) > 0.0);
-    Ok(Matches {
-        weights: pairs.iter().map(weight).collect(),
-        source: pairs.iter().map(|&(i, _)| source.points[i as usize]).collect(),
-        target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
-        length,
-    })
 }
 
 /// Eight points spread over the surface, in the order of its points; less those that are as far

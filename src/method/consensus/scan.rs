@@ -1,9 +1,9 @@
 //! A cloud as this method sees it: thinned, with normals, described once it is known from
 //! where it was seen.
 
-use std::borrow::Cow;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
+use super::whole::Whole;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
@@ -29,30 +29,8 @@ const SIGHTED: usize = 1500;
 /// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
 const PLAUSIBLE: f64 = 0.2;
-
-/// The surfaces of a cloud: all of it but for returns at the limit of the sensor's range.
-pub(super) struct Whole<'a> {
-    pub(super) cloud: Cow<'a, PointCloud>,
-    pub(super) limit: Option<RangeLimit>,
-}
-
-impl<'a> Whole<'a> {
-    /// Looks for a limit about the sensor's place: what the cloud says or, where it says nothing,
-    /// the origin of its frame, or wherever such returns lie about.
-    pub(super) fn of(cloud: &'a PointCloud) -> Self {
-        let limit = match cloud.viewpoint() {
-            Some(at) => RangeLimit::about(cloud, at),
-            None => {
-                RangeLimit::about(cloud, cloud.frame_origin()).or_else(|| RangeLimit::find(cloud))
-            }
-        };
-        let cloud = match &limit {
-            Some(limit) => Cow::Owned(limit.within(cloud)),
-            None => Cow::Borrowed(cloud),
-        };
-        Whole { cloud, limit }
-    }
-}
+/// What is nearer to a sensor than this share of the median may travel with it.
+const CARRIER: f64 = 0.5;
 
 /// A cloud thinned to one length.
 pub(super) struct Scan<'a> {
@@ -67,6 +45,7 @@ pub(super) struct Scan<'a> {
     normals: Vec<[f32; 3]>,
     length: f64,
     glance: OnceLock<Glance>,
+    seen: OnceLock<Option<Arc<DepthImage>>>,
 }
 
 /// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
@@ -103,7 +82,7 @@ pub(super) struct Surface {
     weights: Option<Vec<f32>>,
     tree: SearchTree,
     vicinity: Vicinity,
-    pub(super) seen: Option<DepthImage>,
+    pub(super) seen: Option<Arc<DepthImage>>,
     pub(super) oriented_by: OrientedBy,
 }
 
@@ -139,8 +118,8 @@ impl<'a> Scan<'a> {
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
-        let glance = OnceLock::new();
-        Ok(Scan { whole, thin, weights, channels, neighbors, normals, length, glance })
+        let (glance, seen) = (OnceLock::new(), OnceLock::new());
+        Ok(Scan { whole, thin, weights, channels, neighbors, normals, length, glance, seen })
     }
 
     pub(super) fn whole(&self) -> &PointCloud {
@@ -150,6 +129,11 @@ impl<'a> Scan<'a> {
     /// Where returns at the limit of the sensor's range were, which are left out.
     pub(super) fn limit(&self) -> Option<&RangeLimit> {
         self.whole.limit.as_ref()
+    }
+
+    /// Distance from the sensor below which all is left out; 0 for nothing.
+    pub(super) fn nearest(&self) -> f64 {
+        self.whole.nearest
     }
 
     pub(super) fn neighbors(&self) -> usize {
@@ -169,6 +153,30 @@ impl<'a> Scan<'a> {
         let local = math::sub(origin, self.thin.origin());
         let against = self.glance()?.sight().implausible(local);
         Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
+    }
+
+    /// What the sensor saw from the place that `view` gives it or, where that gives none, from
+    /// the one that returns at its limit lie about: what a file says may be wrong.
+    fn seen(&self, view: View) -> Option<Arc<DepthImage>> {
+        let at = match view {
+            View::Sensor(at, _) => at,
+            View::Guess(_) | View::Outward => self.limit()?.viewpoint,
+        };
+        let image = || {
+            let origin = self.thin.origin();
+            let local = self.whole().positions().map(|p| math::sub(p, origin));
+            DepthImage::new(local, math::sub(at, origin), self.length).map(Arc::new)
+        };
+        self.seen.get_or_init(image).clone()
+    }
+
+    /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
+    /// a share of the median of its surfaces.
+    pub(super) fn without_carrier(&self, place: Vec3) -> Whole<'static> {
+        let distance = |p: Vec3| math::norm(math::sub(p, place));
+        let mut distances: Vec<f64> = self.thin.positions().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        self.whole.beyond(place, CARRIER * distances[distances.len() / 2])
     }
 
     /// The places from which it may have been seen, by its shape alone.
@@ -204,13 +212,6 @@ impl<'a> Scan<'a> {
             return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
         }
         let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
-        let seen = match view {
-            View::Sensor(at, _) => {
-                let local = self.whole().positions().map(|p| math::sub(p, origin));
-                DepthImage::new(local, math::sub(at, origin), self.length)
-            }
-            View::Guess(_) | View::Outward => None,
-        };
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
             tree: SearchTree::new(&points)?,
@@ -221,7 +222,7 @@ impl<'a> Scan<'a> {
             descriptors: descriptors.select(&defined),
             channels: self.channels.iter().map(|own| at_points(own)).collect(),
             weights: self.weights.as_ref().map(|own| at_points(own)),
-            seen,
+            seen: self.seen(view),
             oriented_by,
         })
     }
@@ -325,7 +326,10 @@ mod tests {
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud| {
-            Scan::new(Whole::of(cloud), 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+            Scan::new(Whole::of(cloud, true), 3.0, &[], "it")
+                .unwrap()
+                .surface(View::Outward)
+                .unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);

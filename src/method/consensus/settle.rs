@@ -79,7 +79,7 @@ pub(super) fn settle(
 }
 
 /// Points of the source that lie on the target under `pose`: their rows, and the contact.
-fn contacts<'a>(
+pub(super) fn contacts<'a>(
     [source, target]: [&'a Surface; 2],
     pose: &'a Transform,
     reach: f64,
@@ -148,7 +148,8 @@ impl System {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scan::{Scan, View, Whole};
+    use super::super::scan::{Scan, View};
+    use super::super::whole::Whole;
     use super::*;
     use crate::cloud::PointCloud;
 
@@ -165,7 +166,10 @@ mod tests {
         };
         let (source, target) = (bumps(0.0), bumps(0.4));
         let surface = |cloud: &PointCloud| {
-            Scan::new(Whole::of(cloud), 1.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+            Scan::new(Whole::of(cloud, true), 1.0, &[], "it")
+                .unwrap()
+                .surface(View::Outward)
+                .unwrap()
         };
         let ends = [&surface(&source), &surface(&target)];
         // The identity between the clouds' own frames, in local ones.
