@@ -5,8 +5,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration,
-    Teaser, dare,
+    Cached, Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register,
+    Registration, Teaser, dare,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -151,5 +151,9 @@ impl FromStr for Method {
 impl Register for Method {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         self.as_register().register(source, target)
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+        self.as_register().register_cached(source, target)
     }
 }

@@ -7,7 +7,7 @@ use super::scan::REACH;
 use super::settle::settle;
 use super::standing::Standing;
 use super::{
-    ANSWER, Attempt, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
+    ANSWER, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -53,7 +53,7 @@ impl Consensus {
         };
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
-            let search = self.search(&scaled, target, &mut Timings::default())?;
+            let search = self.search((&*scaled).into(), target.into(), &mut Timings::default())?;
             Ok::<_, Error>(search.verdict_on(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {
@@ -69,8 +69,9 @@ impl Consensus {
 impl Search<'_> {
     /// On a pose between the clouds' own frames.
     fn verdict_on(&self, pose: &Transform) -> Verdict {
-        let Attempt { surfaces, matches, .. } = &self.attempts[self.best];
-        let (ends, corners) = (surfaces.each_ref(), corners(&surfaces[0]));
+        let best = &self.attempts[self.best];
+        let (ends, matches) = (best.ends(), &best.matches);
+        let corners = corners(ends[0]);
         let pose = local(pose, ends[0], ends[1]);
         let settled = settle(ends, &pose, REACH * self.length, ANSWER, &self.config.prior).pose;
         let away = apart(&settled, &pose, &corners);

@@ -9,6 +9,8 @@ mod scan;
 mod settle;
 mod standing;
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 pub use self::candidates::Judged;
@@ -17,10 +19,9 @@ use self::hypotheses::Matches;
 use self::scan::{REACH, Scan, Surface, View, Whole, squared_distance};
 use self::settle::{Effort, Settled, settle};
 use super::registration::Timings;
-use super::{Channel, Register, Registration};
+use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::filter;
 use crate::math::{self, Vec3};
 use crate::moments::FullConnection;
 use crate::par;
@@ -127,10 +128,16 @@ struct Candidate {
 
 /// One way to see both clouds, and what came of it.
 struct Attempt {
-    surfaces: [Surface; 2],
+    surfaces: [Arc<Surface>; 2],
     matches: Matches,
     /// Most probable first; may be empty.
     candidates: Vec<Candidate>,
+}
+
+impl Attempt {
+    fn ends(&self) -> [&Surface; 2] {
+        self.surfaces.each_ref().map(|surface| &**surface)
+    }
 }
 
 /// All that was tried on two clouds, and what came out best.
@@ -163,12 +170,11 @@ impl Consensus {
     }
 
     /// The length that all others follow from.
-    fn length(&self, source: &PointCloud, target: &PointCloud) -> Result<f64> {
+    fn length(&self, ends: [&Whole<'_>; 2]) -> Result<f64> {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let side = |cloud: &PointCloud| filter::voxel_side(cloud, POINTS);
-        let [source, target] = par::both([source, target], side)?;
+        let [source, target] = par::both(ends, |whole| whole.voxel_side(POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
@@ -177,27 +183,27 @@ impl Consensus {
         Ok(side)
     }
 
-    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+    fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let mut times = Timings::default();
         self.search(source, target, &mut times)?.answer(times)
     }
 
     fn search<'a>(
         &self,
-        source: &'a PointCloud,
-        target: &'a PointCloud,
+        source: Cached<'a>,
+        target: Cached<'a>,
         times: &mut Timings,
     ) -> Result<Search<'a>> {
         self.validate()?;
-        for (cloud, what) in [(source, "the source"), (target, "the target")] {
-            if cloud.len() < 3 {
-                let found = cloud.len();
+        for (end, what) in [(source, "the source"), (target, "the target")] {
+            if end.cloud.len() < 3 {
+                let found = end.cloud.len();
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let [source, target] = times
-            .time("range limit", || par::both([source, target], |cloud| Ok(Whole::of(cloud))))?;
-        let length = times.time("thin", || self.length(&source.cloud, &target.cloud))?;
+        let [source, target] =
+            times.time("range limit", || par::both([source, target], Whole::of))?;
+        let length = times.time("thin", || self.length([&source, &target]))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
@@ -215,7 +221,7 @@ impl Consensus {
         else {
             return Err(Error::NoWeight);
         };
-        let ends = at.surfaces.each_ref();
+        let ends = at.ends();
         let settled =
             times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
         let evidence = Evidence::of(ends, &at.matches, &settled.pose, LOOK.most);
@@ -281,7 +287,7 @@ impl Consensus {
                 distinct.push(hypothesis.pose);
             }
         }
-        let ends = [&source, &target];
+        let ends = [&*source, &*target];
         let judged = |pose: Transform, most| Candidate {
             pose,
             evidence: Evidence::of(ends, &matches, &pose, most),
@@ -367,6 +373,10 @@ fn local(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
 
 impl Register for Consensus {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || self.run(source, target))?
     }
 }

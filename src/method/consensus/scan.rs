@@ -1,14 +1,14 @@
 //! A cloud as this method sees it: thinned, with normals, described once it is known from
 //! where it was seen.
 
-use std::borrow::Cow;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
+use crate::method::cache::{Cache, Cached, Keep};
 use crate::method::channels::{Channel, Compared, joined, values_of};
 use crate::moments::Described;
 use crate::normals::{self, Orientation, OrientedBy};
@@ -31,33 +31,83 @@ const SIGHTED: usize = 1500;
 const PLAUSIBLE: f64 = 0.2;
 
 /// The surfaces of a cloud: all of it but for returns at the limit of the sensor's range.
+#[derive(Clone)]
 pub(super) struct Whole<'a> {
-    pub(super) cloud: Cow<'a, PointCloud>,
-    pub(super) limit: Option<RangeLimit>,
+    cloud: &'a PointCloud,
+    within: Arc<Within>,
 }
+
+/// What is left of a cloud within the limit of the sensor's range.
+struct Within {
+    /// `None`: all of it.
+    cloud: Option<PointCloud>,
+    limit: Option<RangeLimit>,
+    /// Of what is made of it.
+    cache: Cache,
+}
+
+/// Keys of what is made of a cloud alone, and at a length.
+#[derive(PartialEq)]
+struct InRange;
+#[derive(PartialEq)]
+struct Side(usize);
+#[derive(PartialEq)]
+struct Thinned(f64, Vec<Channel>);
+#[derive(PartialEq)]
+struct GuessedFrom;
 
 impl<'a> Whole<'a> {
     /// Looks for a limit about the sensor's place: what the cloud says or, where it says nothing,
     /// the origin of its frame, or wherever such returns lie about.
-    pub(super) fn of(cloud: &'a PointCloud) -> Self {
+    pub(super) fn of(whole: Cached<'a>) -> Result<Self> {
+        let within = whole.get(InRange, || Ok(Within::of(whole.cloud)))?;
+        Ok(Whole { cloud: whole.cloud, within })
+    }
+
+    pub(super) fn cloud(&self) -> &PointCloud {
+        self.within.cloud.as_ref().unwrap_or(self.cloud)
+    }
+
+    /// With what was made of it.
+    pub(super) fn cached(&self) -> Cached<'_> {
+        Cached { cloud: self.cloud(), cache: Some(&self.within.cache) }
+    }
+
+    /// [`filter::voxel_side`] of so many points.
+    pub(super) fn voxel_side(&self, points: usize) -> Result<f64> {
+        let side = || filter::voxel_side(self.cloud(), points);
+        self.cached().get(Side(points), side).map(|side| *side)
+    }
+}
+
+impl Keep for Within {
+    fn bytes(&self) -> usize {
+        self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
+    }
+}
+
+impl Within {
+    fn of(cloud: &PointCloud) -> Self {
         let limit = match cloud.viewpoint() {
             Some(at) => RangeLimit::about(cloud, at),
             None => {
                 RangeLimit::about(cloud, cloud.frame_origin()).or_else(|| RangeLimit::find(cloud))
             }
         };
-        let cloud = match &limit {
-            Some(limit) => Cow::Owned(limit.within(cloud)),
-            None => Cow::Borrowed(cloud),
-        };
-        Whole { cloud, limit }
+        let cloud = limit.as_ref().map(|limit| limit.within(cloud));
+        Within { cloud, limit, cache: Cache::default() }
     }
 }
 
-/// A cloud thinned to one length.
+/// A cloud, and what it is thinned to one length.
 pub(super) struct Scan<'a> {
     whole: Whole<'a>,
-    thin: PointCloud,
+    thin: Arc<Thin>,
+}
+
+/// A cloud thinned to one length.
+struct Thin {
+    cloud: PointCloud,
     /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
     weights: Option<Vec<f32>>,
     /// Values by which points are compared too, channel by channel.
@@ -67,6 +117,8 @@ pub(super) struct Scan<'a> {
     normals: Vec<[f32; 3]>,
     length: f64,
     glance: OnceLock<Glance>,
+    /// Of surfaces, by the place that they are seen from.
+    cache: Cache,
 }
 
 /// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
@@ -91,6 +143,7 @@ pub(super) enum View {
 }
 
 /// A scan seen from a place. Positions are about `origin`.
+#[derive(Clone)]
 pub(super) struct Surface {
     pub(super) points: Vec<[f32; 3]>,
     pub(super) origin: Vec3,
@@ -101,9 +154,9 @@ pub(super) struct Surface {
     channels: Vec<Vec<f32>>,
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
-    tree: SearchTree,
-    vicinity: Vicinity,
-    pub(super) seen: Option<DepthImage>,
+    tree: Arc<SearchTree>,
+    vicinity: Arc<Vicinity>,
+    pub(super) seen: Option<Arc<DepthImage>>,
     pub(super) oriented_by: OrientedBy,
 }
 
@@ -116,7 +169,77 @@ impl<'a> Scan<'a> {
         channels: &[Channel],
         name: &str,
     ) -> Result<Self> {
-        let cloud = whole.cloud.as_ref();
+        let make = || Thin::of(whole.cloud(), length, channels, name);
+        let thin = whole.cached().get(Thinned(length, channels.to_vec()), make)?;
+        Ok(Scan { whole, thin })
+    }
+
+    pub(super) fn whole(&self) -> Cached<'_> {
+        self.whole.cached()
+    }
+
+    /// Where returns at the limit of the sensor's range were, which are left out.
+    pub(super) fn limit(&self) -> Option<&RangeLimit> {
+        self.whole.within.limit.as_ref()
+    }
+
+    pub(super) fn neighbors(&self) -> usize {
+        NEIGHBORS.min(self.thin.cloud.len())
+    }
+
+    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
+    /// that is plausible, the origin of its frame.
+    pub(super) fn sensor(&self) -> Result<Option<View>> {
+        let whole = self.whole.cloud();
+        if let Some(at) = whole.viewpoint() {
+            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
+        }
+        if let Some(limit) = self.limit() {
+            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
+        }
+        let origin = whole.frame_origin();
+        let local = math::sub(origin, self.thin.cloud.origin());
+        let against = self.thin.glance()?.sight().implausible(local);
+        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
+    }
+
+    /// The places from which it may have been seen, by its shape alone.
+    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
+        let guesses = self.thin.cache.get(GuessedFrom, || {
+            let glance = self.thin.glance()?;
+            Ok(Guesses(Viewpoints::find(glance.sight(), &glance.toward)))
+        })?;
+        let Viewpoints { outside, inside } = guesses.0;
+        Ok([outside, inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+    }
+
+    /// The scan seen from `view`, described.
+    pub(super) fn surface(&self, view: View) -> Result<Arc<Surface>> {
+        self.thin.cache.get(view, || self.thin.surface(view, self.whole.cloud()))
+    }
+}
+
+/// What was guessed of the viewpoint.
+struct Guesses(Viewpoints);
+
+impl Keep for Guesses {
+    fn bytes(&self) -> usize {
+        size_of::<Viewpoints>()
+    }
+}
+
+impl Keep for Thin {
+    fn bytes(&self) -> usize {
+        let single = self.channels.len() + usize::from(self.weights.is_some());
+        // Places of neighbours, and of their rows.
+        let near = self.neighbors.len() * 4 * (NEIGHBORS + 4);
+        let own = self.cloud.bytes() + self.cloud.len() * 4 * (3 + single) + near;
+        own + self.glance.get().map_or(0, Glance::bytes) + self.cache.bytes()
+    }
+}
+
+impl Thin {
+    fn of(cloud: &PointCloud, length: f64, channels: &[Channel], name: &str) -> Result<Self> {
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
@@ -139,43 +262,8 @@ impl<'a> Scan<'a> {
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
-        let glance = OnceLock::new();
-        Ok(Scan { whole, thin, weights, channels, neighbors, normals, length, glance })
-    }
-
-    pub(super) fn whole(&self) -> &PointCloud {
-        &self.whole.cloud
-    }
-
-    /// Where returns at the limit of the sensor's range were, which are left out.
-    pub(super) fn limit(&self) -> Option<&RangeLimit> {
-        self.whole.limit.as_ref()
-    }
-
-    pub(super) fn neighbors(&self) -> usize {
-        NEIGHBORS.min(self.thin.len())
-    }
-
-    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
-    /// that is plausible, the origin of its frame.
-    pub(super) fn sensor(&self) -> Result<Option<View>> {
-        if let Some(at) = self.whole().viewpoint() {
-            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
-        }
-        if let Some(limit) = self.limit() {
-            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
-        }
-        let origin = self.whole().frame_origin();
-        let local = math::sub(origin, self.thin.origin());
-        let against = self.glance()?.sight().implausible(local);
-        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
-    }
-
-    /// The places from which it may have been seen, by its shape alone.
-    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
-        let glance = self.glance()?;
-        let found = Viewpoints::find(glance.sight(), &glance.toward);
-        Ok([found.outside, found.inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+        let (glance, cache) = (OnceLock::new(), Cache::default());
+        Ok(Thin { cloud: thin, weights, channels, neighbors, normals, length, glance, cache })
     }
 
     /// Some of the points, found when they are first asked for.
@@ -183,13 +271,13 @@ impl<'a> Scan<'a> {
         if let Some(glance) = self.glance.get() {
             return Ok(glance);
         }
-        let found = Glance::at(&self.thin, self.length)?;
+        let found = Glance::at(&self.cloud, self.length)?;
         Ok(self.glance.get_or_init(|| found))
     }
 
-    /// The scan seen from `view`, described.
-    pub(super) fn surface(&self, view: View) -> Result<Surface> {
-        let (points, origin) = (self.thin.points(), self.thin.origin());
+    /// Seen from `view`, described; it is `whole` that is thinned.
+    fn surface(&self, view: View, whole: &PointCloud) -> Result<Surface> {
+        let (points, origin) = (self.cloud.points(), self.cloud.origin());
         let sight = Sight { points, normals: &self.normals, spacing: self.length };
         let (normals, oriented_by) = match view {
             View::Sensor(at, by) => (sight.towards(math::sub(at, origin)), by),
@@ -206,15 +294,15 @@ impl<'a> Scan<'a> {
         let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
         let seen = match view {
             View::Sensor(at, _) => {
-                let local = self.whole().positions().map(|p| math::sub(p, origin));
-                DepthImage::new(local, math::sub(at, origin), self.length)
+                let local = whole.positions().map(|p| math::sub(p, origin));
+                DepthImage::new(local, math::sub(at, origin), self.length).map(Arc::new)
             }
             View::Guess(_) | View::Outward => None,
         };
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
-            tree: SearchTree::new(&points)?,
-            vicinity: Vicinity::new(&points, FARTHEST * self.length),
+            tree: SearchTree::new(&points)?.into(),
+            vicinity: Vicinity::new(&points, FARTHEST * self.length).into(),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
@@ -254,6 +342,10 @@ impl Glance {
         })
     }
 
+    fn bytes(&self) -> usize {
+        self.points.len() * (2 * 3 * 4 + 3 * 8)
+    }
+
     fn sight(&self) -> Sight<'_> {
         Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
@@ -262,6 +354,17 @@ impl Glance {
 /// Squared distance of two descriptors.
 pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+impl Keep for Surface {
+    fn bytes(&self) -> usize {
+        let single = self.channels.len() + usize::from(self.weights.is_some());
+        // Points once more, with their numbers, in the tree.
+        let tree = self.len() * 4 * 4;
+        let seen = self.seen.as_ref().map_or(0, |seen| seen.bytes());
+        let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
+        own + tree + self.vicinity.bytes() + seen
+    }
 }
 
 impl Surface {
@@ -290,7 +393,7 @@ impl Surface {
     }
 
     /// Puts the values of `channels` beside the descriptors of both.
-    pub(super) fn compare(sides: &mut [Surface; 2], channels: &[Channel]) -> Result<()> {
+    pub(super) fn compare(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
         if channels.is_empty() {
             return Ok(());
         }
@@ -299,7 +402,8 @@ impl Surface {
             .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
         let joined = joined(channels, HistogramScale::Open3d, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
-            side.descriptors = descriptors;
+            // How much a channel counts follows from both: the one that is kept stays as it is.
+            *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
         }
         Ok(())
     }
@@ -325,7 +429,8 @@ mod tests {
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud| {
-            Scan::new(Whole::of(cloud), 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+            let whole = Whole::of(Cached::from(cloud)).unwrap();
+            Scan::new(whole, 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);
