@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn errors_are_not_kept_and_a_maker_that_ends_leaves_nothing() {
         let cache = Cache::default();
-        let failed = cache.get(1, || Err::<String, _>(Error::NoWeight));
+        let failed = cache.get(1, || Err::<String, _>(Error::NO_WEIGHT));
         assert!(failed.is_err() && cache.bytes() == 0);
         let ended = || _ = cache.get(1, || -> Result<String> { panic!("a bug") });
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(ended)).is_err());

@@ -117,7 +117,7 @@ impl Chain {
                     refined.refined_from = Some(Box::new(found));
                     found = refined;
                 }
-                Err(Error::NoWeight | Error::Degenerate { .. }) => {
+                Err(Error::NoWeight { .. } | Error::Degenerate { .. }) => {
                     found.doubts.push(Doubt::NotRefined);
                     found.trusted = false;
                     break;

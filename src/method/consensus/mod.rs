@@ -219,7 +219,7 @@ impl Consensus {
         let Some((best, at, first)) =
             best.and_then(|(best, at)| Some((best, at, at.candidates.first()?)))
         else {
-            return Err(Error::NoWeight);
+            return Err(Error::NO_WEIGHT);
         };
         let ends = at.ends();
         let settled =

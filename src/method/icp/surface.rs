@@ -100,7 +100,7 @@ impl Surfaces {
         let system = self.system(on, pose, &information);
         let mean = (0..6).map(|i| system.curvature[i][i]).sum::<f64>() / 6.0;
         if mean.is_nan() || mean <= 0.0 {
-            return Err(Error::NoWeight);
+            return Err(Error::NO_WEIGHT);
         }
         let mut damping = DAMPING;
         while damping < 1e6 {
