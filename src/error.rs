@@ -72,10 +72,14 @@ pub enum Error {
     /// No connection has any weight, so there is nothing to solve.
     #[error(
         "no connection has any weight: nothing is alike, or near enough under the pose to start \
-         from; check the clouds (lines, planes and a few points look alike everywhere), raise \
-         beta, sigma or max_distance where the method has them, or start nearer"
+         from; check the clouds (lines, planes and a few points look alike everywhere){}{}",
+        if advice.is_empty() { "" } else { ", or " },
+        advice
     )]
-    NoWeight,
+    NoWeight {
+        /// What may help, in settings of the method; empty where no method is known.
+        advice: &'static str,
+    },
 
     /// The weighted pairs do not determine a rotation.
     #[error(
@@ -134,6 +138,9 @@ pub enum Error {
 }
 
 impl Error {
+    /// An [`Error::NoWeight`] of whatever method.
+    pub(crate) const NO_WEIGHT: Error = Error::NoWeight { advice: "" };
+
     /// An [`Error::Io`] for `path`.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Error::Io { path: path.as_ref().to_path_buf(), source }
@@ -182,6 +189,13 @@ mod tests {
         assert_eq!(at(Some(3), None).to_string(), "a.ply, line 3: no vertices");
         assert_eq!(at(None, Some(9)).to_string(), "a.ply, byte 9: no vertices");
         assert_eq!(at(None, None).to_string(), "a.ply: no vertices");
+    }
+
+    #[test]
+    fn advice_is_said_where_there_is_one() {
+        assert!(Error::NO_WEIGHT.to_string().ends_with("look alike everywhere)"));
+        let advised = Error::NoWeight { advice: "raise beta" };
+        assert!(advised.to_string().ends_with("look alike everywhere), or raise beta"));
     }
 
     #[test]

@@ -1,10 +1,9 @@
 //! Fewer points: voxel grid and random sample.
 
-use std::collections::{HashMap, HashSet};
-
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
+use rustc_hash::{FxHashMap, FxHashSet};
 use serde::Serialize;
 
 use crate::cloud::{Attributes, PointCloud};
@@ -126,7 +125,7 @@ pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
         let rule = format!("is too small for a cloud {longest:e} long");
         return Err(Error::config("voxel", size, rule));
     }
-    let mut cells: HashMap<[i64; 3], usize> = HashMap::new();
+    let mut cells: FxHashMap<[i64; 3], usize> = FxHashMap::default();
     let mut members: Vec<Vec<usize>> = Vec::new();
     for (i, p) in cloud.positions().enumerate() {
         let cell = *cells.entry(cube(p, low, size)).or_insert_with(|| {
@@ -164,7 +163,7 @@ pub fn voxel_side(cloud: &PointCloud, count: usize) -> Result<f64> {
     let step = (cloud.len() / count.saturating_mul(ENOUGH).max(1)).max(1);
     let occupied = |size: f64| {
         let some = cloud.positions().step_by(step).map(|p| cube(p, low, size));
-        some.collect::<HashSet<[i64; 3]>>().len() as f64
+        some.collect::<FxHashSet<[i64; 3]>>().len() as f64
     };
     // Surfaces hold cubes by the square of their side; twelve steps are for what is not one.
     let mut side = longest / 64.0;

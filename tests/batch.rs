@@ -115,14 +115,17 @@ fn killed_at_any_moment_it_ends_with_the_same_bytes() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let started = std::time::Instant::now();
     done(folder.path(), &format!("{RUN} -o whole.parquet"));
-    let whole = fs::read(folder.path().join("whole.parquet")).unwrap();
     let longest = started.elapsed().as_secs_f64();
-    let [part, output] = ["rows.parquet.part", "rows.parquet"].map(|name| folder.path().join(name));
+    done(folder.path(), &format!("{RUN} -o whole.csv"));
     let mut kills = 0;
-    for _ in 0..10 {
+    for end in ["parquet", "csv"].into_iter().cycle().take(10) {
+        let file = |name: &str| folder.path().join(name);
+        let [part, output] =
+            ["rows.END.part", "rows.END"].map(|name| file(&name.replace("END", end)));
+        let whole = fs::read(file(&format!("whole.{end}"))).unwrap();
         // Until it is through before it is killed.
         for attempt in 0.. {
-            let mut child = command(folder.path(), &format!("{RUN} -o rows.parquet --resume"))
+            let mut child = command(folder.path(), &format!("{RUN} -o rows.{end} --resume"))
                 .stderr(Stdio::null())
                 .spawn()
                 .unwrap();
@@ -151,8 +154,15 @@ fn killed_at_any_moment_it_ends_with_the_same_bytes() {
             }
         }
         assert!(fs::read(&output).unwrap() == whole);
-        assert!(!part.exists() && !folder.path().join("rows.parquet.tmp").exists());
         fs::remove_file(&output).unwrap();
+        if end == "csv" {
+            let [run, whole] = ["rows.csv.run.json", "whole.csv.run.json"].map(file);
+            assert!(fs::read(&run).unwrap() == fs::read(whole).unwrap());
+            fs::remove_file(run).unwrap();
+        }
+        // Nothing else is left.
+        let mut left = fs::read_dir(folder.path()).unwrap().map(|file| file.unwrap().file_name());
+        assert!(!left.any(|name| name.to_string_lossy().starts_with("rows.")), "{end}");
     }
     assert!(kills > 5, "{kills} kills: too fast for this test");
 }
@@ -166,16 +176,24 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     let output = cfreg(path, &format!("{RUN} -o rows.csv --resume"));
     assert!(output.status.success() && said(&output).contains("complete"));
     assert!(said(&output).contains("28 pairs: ") && said(&output).contains("3 without answer"));
-    // An output of other pairs, of other settings where it tells them, or that is cut short.
-    done(path, &format!("{RUN} -o rows.parquet"));
-    done(path, &format!("{RUN} -o rows.parquet --resume"));
-    refused(path, &format!("{RUN} -o rows.parquet --resume --sample 9"), "thinning.sample null");
+    // An output of other settings, of other pairs, or that is cut short.
+    for end in ["parquet", "jsonl", "csv"] {
+        let again = format!("{RUN} -o rows.{end} --resume");
+        done(path, &again);
+        done(path, &again);
+        refused(path, &format!("{again} --sample 9"), "thinning.sample null");
+        refused(path, &format!("{again} --set icp.keep=0.5"), "begun with method.refinements");
+    }
     let rows = fs::read_to_string(path.join("rows.csv")).unwrap();
     let head = rows.split_inclusive('\n').take(PAIRS).collect::<String>();
     for other in [rows.replacen("1.ply", "7.ply", 1), head] {
         fs::write(path.join("other.csv"), other).unwrap();
+        fs::copy(path.join("rows.csv.run.json"), path.join("other.csv.run.json")).unwrap();
         refused(path, &format!("{RUN} -o other.csv --resume"), "than the list");
     }
+    // One of which nothing tells how it was made.
+    fs::remove_file(path.join("other.csv.run.json")).unwrap();
+    refused(path, &format!("{RUN} -o other.csv --resume"), "which other.csv.run.json should");
     done(path, &format!("{RUN} -o rows.csv --overwrite"));
     // A journal of another method.
     fs::remove_file(path.join("rows.csv")).unwrap();

@@ -89,6 +89,32 @@ fn a_missing_channel_is_named_with_those_there_are() {
     }
 }
 
+#[test]
+fn a_value_that_is_no_number_is_named_with_its_point() {
+    let rows = |bad: &str| {
+        let row = |i: usize| {
+            let [x, y] = [i % 5, i / 5].map(|x| x as f64);
+            let glow = if i == 7 { bad.into() } else { i.to_string() };
+            format!("{x},{y},{},{glow}\n", (x * y).sin())
+        };
+        // One that drops out, which is a row of the file all the same.
+        let all = (0..40).map(row).collect::<String>();
+        read("a.csv", format!("x,y,z,Glow\nnan,0,0,nan\n{all}").as_bytes()).unwrap()
+    };
+    assert!(rows("7").channels().get("glow").is_some_and(|values| values.len() == 40));
+    for bad in ["nan", "inf", "1e60", "dark"] {
+        let cloud = rows(bad);
+        assert!(cloud.channels().is_empty() && cloud.channels().left_out("glow") == Some(8));
+        // Still known where the cloud was thinned.
+        for cloud in [filter::sample(&cloud, 30, 1), cloud] {
+            let message = cf(&["glow"]).register(&cloud, &cloud).unwrap_err().to_string();
+            let want = "channels = glow: the source has a value in this channel that is no finite \
+                        number, the first at point 8 of its file";
+            assert!(message.starts_with(want), "{message}");
+        }
+    }
+}
+
 fn read(name: &str, content: &[u8]) -> Result<PointCloud, Error> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);

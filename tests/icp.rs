@@ -184,7 +184,7 @@ fn nothing_within_the_bound_is_no_weight_and_lines_are_degenerate() {
     for metric in METRICS {
         let bounded = Icp { max_distance: Some(0.5), ..icp(metric) };
         let found = bounded.refine(&source, &target, &away);
-        assert!(matches!(found, Err(Error::NoWeight)), "{found:?}");
+        assert!(matches!(found, Err(Error::NoWeight { .. })), "{found:?}");
         let found = icp(metric).register(&line, &line);
         assert!(matches!(found, Err(Error::Degenerate { .. })), "{found:?}");
     }

@@ -174,7 +174,7 @@ fn weights_of_ones_own_register_as_those_of_a_name() {
         let kernel = composed.resolved(|beta| connection.bandwidth(beta))?;
         connection.moments(&kernel, Normalization::None)
     });
-    assert!(matches!(nothing, Err(Error::NoWeight)), "{nothing:?}");
+    assert!(matches!(nothing, Err(Error::NoWeight { .. })), "{nothing:?}");
     // What is recorded as custom cannot be run again by its name.
     assert!(matches!(by_kernel.config.register(&source, &target), Err(Error::Config { .. })));
 

@@ -88,7 +88,7 @@ def register_batch(
 ) -> BatchResult | BatchSummary:
     """Register a list of pairs beside each other, each on one thread: the rows of `cfreg batch`.
 
-    Each cloud is read once and kept for its other pairs. What is wrong with a pair, a file that
+    Each cloud is read once and kept for its other pairs, with what the method makes of it alone. What is wrong with a pair, a file that
     cannot be read, clouds without an answer, is the `error` of its row; the others go on.
 
     Parameters
@@ -99,7 +99,8 @@ def register_batch(
     method, refine, settings : see register. `threads` of a method has no effect
     output : file to write the rows to, .csv, .jsonl or .parquet, instead of returning them;
         until all are there they are in a journal beside it
-    resume : go on from the journal of a run that was cut short, to the same bytes
+    resume : go on from the journal of a run that was cut short, to the same bytes; one of other
+        settings is refused, which CSV and JSON Lines have in a file beside them
     overwrite : begin anew, whatever is there
     clouds : clouds by the names that pairs have for them
     folder : what files are relative to. None: the folder of the list, else the current one
@@ -109,7 +110,7 @@ def register_batch(
         "consensus" the length that all others follow from
     sample, seed : points that are kept, drawn at random after that
     threads : pairs beside each other, 0 for as many as there are cores; never changes a row
-    memory : bytes of clouds that are kept for later pairs
+    memory : bytes of clouds, and of what was made of them, that are kept for later pairs
     time_limit : seconds after which a pair is given up, reading included. None: never
     times : add the column `seconds`, on which no two runs agree
     progress : is called with the pairs done and all of them; what it raises ends the run

@@ -93,7 +93,7 @@ class BatchResult:
     ) -> str:
         """Write the accepted poses as a graph of poses, as `cfreg graph` does.
 
-        rotations : by what the reader measures them, "quaternion" (g2o) or "vector" (GTSAM, Ceres)
+        rotations : by what the reader measures them, "quaternion" (g2o) or "vector" (GTSAM)
         names : file for the names of the clouds by their vertices, CSV
 
         Returns in words what is in the graph.

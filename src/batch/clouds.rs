@@ -1,4 +1,5 @@
-//! The clouds of a list: each read once, and kept as long as there is room.
+//! The clouds of a list: each read once, and kept as long as there is room, with what methods
+//! make of it alone.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,7 @@ use super::hash::Hash;
 use crate::cloud::{Parts, PointCloud};
 use crate::error::Result;
 use crate::filter::Thinning;
+use crate::method::{Cache, Cached};
 
 /// Clouds that were read, the least recently used given up first.
 pub(super) struct Clouds {
@@ -18,11 +20,14 @@ pub(super) struct Clouds {
 
 #[derive(Default)]
 struct Held {
-    clouds: HashMap<(PathBuf, u64), Slot>,
+    clouds: HashMap<Key, Slot>,
     bytes: usize,
     /// Grows with every use.
     now: u64,
 }
+
+/// A file, and the stream of random draws by which it is thinned.
+type Key = (PathBuf, u64);
 
 struct Slot {
     cloud: Arc<OnceLock<Read>>,
@@ -31,7 +36,20 @@ struct Slot {
 }
 
 /// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
-pub(super) type Read = std::result::Result<Arc<PointCloud>, String>;
+pub(super) type Read = std::result::Result<Arc<Kept>, String>;
+
+/// A cloud, and what was made of it.
+pub(super) struct Kept {
+    key: Key,
+    cloud: PointCloud,
+    cache: Cache,
+}
+
+impl Kept {
+    pub(super) fn cached(&self) -> Cached<'_> {
+        Cached { cloud: &self.cloud, cache: Some(&self.cache) }
+    }
+}
 
 impl Clouds {
     /// None are held yet; at most `budget` bytes of those that no pair is using will be.
@@ -63,12 +81,18 @@ impl Clouds {
         let read = cell.get_or_init(|| {
             fresh = true;
             let cloud = read().and_then(|cloud| self.thinning.apply(cloud, stream));
-            cloud.map(Arc::new).map_err(|error| error.to_string())
+            let keep = |cloud| Arc::new(Kept { key: key.clone(), cloud, cache: Cache::default() });
+            cloud.map(keep).map_err(|error| error.to_string())
         });
         if fresh {
-            self.lock().weigh(&key, bytes(read), self.budget);
+            self.lock().weigh(&key, bytes(read.as_deref().ok()), self.budget);
         }
         read.clone()
+    }
+
+    /// Counts what was made of a cloud since it was [got](Self::get).
+    pub(super) fn count(&self, kept: &Kept) {
+        self.lock().weigh(&kept.key, bytes(Some(kept)), self.budget);
     }
 
     fn lock(&self) -> MutexGuard<'_, Held> {
@@ -77,11 +101,11 @@ impl Clouds {
 }
 
 impl Held {
-    /// Counts a cloud that was read, and makes room.
-    fn weigh(&mut self, key: &(PathBuf, u64), bytes: usize, budget: usize) {
+    /// Counts a cloud that was read or of which more was made, and makes room.
+    fn weigh(&mut self, key: &Key, bytes: usize, budget: usize) {
         let Some(slot) = self.clouds.get_mut(key) else { return };
+        self.bytes = self.bytes - slot.bytes + bytes;
         slot.bytes = bytes;
-        self.bytes += bytes;
         while self.bytes > budget {
             let read = self.clouds.iter().filter(|(_, slot)| slot.bytes > 0);
             let Some(key) = read.min_by_key(|(_, slot)| slot.used).map(|(key, _)| key.clone())
@@ -94,12 +118,9 @@ impl Held {
 }
 
 /// What a cloud takes, and what is kept around it.
-fn bytes(read: &Read) -> usize {
+fn bytes(kept: Option<&Kept>) -> usize {
     const AROUND: usize = 512;
-    let Ok(cloud) = read else { return AROUND };
-    let triples = 1 + usize::from(cloud.normals().is_some());
-    let single = usize::from(cloud.weights().is_some()) + cloud.channels().names().len();
-    AROUND + cloud.len() * 4 * (3 * triples + single)
+    AROUND + kept.map_or(0, |kept| kept.cloud.bytes() + kept.cache.bytes())
 }
 
 /// Adds all that a cloud consists of to a hash.
@@ -123,6 +144,7 @@ pub(super) fn add(hash: &mut Hash, cloud: &PointCloud) {
 mod tests {
     use super::*;
     use crate::io;
+    use crate::method::{Method, Register};
 
     #[test]
     fn the_least_recently_used_goes_first() {
@@ -144,7 +166,44 @@ mod tests {
         assert_eq!(clouds.lock().bytes, 2 * one);
         assert!(clouds.get(&a, 0, || io::read(&a)).is_ok());
         std::fs::remove_file(&b).unwrap();
-        assert!(clouds.get(&b, 0, || io::read(&b)).unwrap_err().contains("b.xyz"));
+        let failed = clouds.get(&b, 0, || io::read(&b)).err().unwrap();
+        assert!(failed.contains("b.xyz"));
+    }
+
+    #[test]
+    fn what_is_made_of_clouds_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            let at = |i: usize| {
+                let (x, y) = ((i % 20) as f64, (i / 20) as f64);
+                [x, y, (0.5 * x).sin() + (0.3 * x + 0.7 * y).cos()]
+            };
+            let cloud = PointCloud::new(&(0..300).map(at).collect::<Vec<_>>()).unwrap();
+            io::write(&path, &cloud).unwrap();
+            path
+        };
+        let [a, b] = ["a.ply", "b.ply"].map(file);
+        let clouds = Clouds::new(Thinning::default(), 150_000);
+        let get = |path: &Path| clouds.get(path, 0, || io::read(path)).unwrap();
+        let [first, second] = [&a, &b].map(|path| get(path));
+        let plain = clouds.lock().bytes;
+        let method: Method = "cf".parse().unwrap();
+        method.register_cached(first.cached(), second.cached()).unwrap();
+        clouds.count(&first);
+        let one = clouds.lock().bytes;
+        assert!(one > plain + 300 * 33 * 4 && one < plain + 300 * 60 * 4, "{plain} {one}");
+        // Again is not more.
+        clouds.count(&first);
+        assert_eq!(clouds.lock().bytes, one);
+        clouds.count(&second);
+        assert_eq!(clouds.lock().bytes, 2 * one - plain);
+        // Beyond the budget the one that was used first goes, with all that was made of it.
+        let third = clouds.get(&b, 0, || io::read(&b)).unwrap();
+        assert!(Arc::ptr_eq(&second, &third));
+        let few = Clouds { budget: one, ..clouds };
+        few.count(&second);
+        assert_eq!(few.lock().clouds.keys().map(|key| &key.0).collect::<Vec<_>>(), [&b]);
     }
 
     #[test]
@@ -154,7 +213,7 @@ mod tests {
         std::fs::write(&path, "0 0 0\n1 0 0\n").unwrap();
         let sample = Thinning { sample: Some(1), ..Thinning::default() };
         let clouds = Clouds::new(sample, 0);
-        assert_eq!(clouds.get(&path, 0, || io::read(&path)).unwrap().len(), 1);
+        assert_eq!(clouds.get(&path, 0, || io::read(&path)).unwrap().cloud.len(), 1);
         assert!(clouds.lock().clouds.is_empty() && clouds.lock().bytes == 0);
     }
 }

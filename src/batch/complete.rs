@@ -5,15 +5,15 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::journal::difference;
-use super::output::Format;
+use super::output::{Format, RUN, beside};
 use super::{List, Summary, results};
 use crate::error::{Error, Result};
 
 /// What is in an output that has all rows.
 ///
 /// # Errors
-/// [`Error::Config`] when it is of another list, or of other settings where that can be told;
-/// those of reading it.
+/// [`Error::Config`] when it is of another list or of other settings, or when nothing tells which
+/// those were; those of reading it.
 pub(super) fn summary(
     output: &Path,
     format: Format,
@@ -21,9 +21,16 @@ pub(super) fn summary(
     header: &Value,
 ) -> Result<Summary> {
     let refuse = |rule: String| Error::config("resume", output.display(), rule);
-    if let Some(begun) = format.asked_for(output)?
-        && let Some(rule) = difference(&begun, header)
-    {
+    let Some(begun) = format.asked_for(output)? else {
+        let within = format == Format::Parquet;
+        let place = if within { output.to_path_buf() } else { beside(output, RUN) };
+        return Err(refuse(format!(
+            "nothing tells what it was made with, which {} should: start anew with --overwrite, \
+             or name another output",
+            place.display()
+        )));
+    };
+    if let Some(rule) = difference(&begun, header) {
         return Err(refuse(rule));
     }
     let other = |index: usize| {

@@ -7,22 +7,33 @@ use std::path::Path;
 use super::Row;
 use super::row::symmetric;
 use crate::cloud::Transform;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io;
 use crate::math::cholesky::Mat6;
 use crate::math::{self, Vec3};
 
 /// How those who read a graph measure how far a rotation is from that of an edge.
+///
+/// Either way errors are those of Z⁻¹ Xᵢ⁻¹ Xⱼ, with Z of the edge, Xᵢ of the target and Xⱼ of the
+/// source: the pose is perturbed on its right, in the source's frame, and the shift stands before
+/// the rotation. What perturbs on the left, as the example of pose graphs of Ceres does, wants
+/// another information.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Tangent {
-    /// By the vector part of the unit quaternion, half the rotation vector: g2o.
+    /// By the vector part of the unit quaternion, half the rotation vector: g2o
+    /// (`EdgeSE3`, whose error is `toVectorMQT` of that pose).
     #[default]
     Quaternion,
-    /// By the rotation vector: GTSAM, Ceres.
+    /// By the rotation vector: GTSAM (`BetweenFactor<Pose3>`), whose reader of such files puts the
+    /// rotation before the shift, as it has them.
     RotationVector,
 }
 
 /// Clouds, and the accepted poses between them.
+///
+/// Edges count as independent of each other: a pair that is listed both ways is two edges, and
+/// its information counts twice. Each [part](Self::parts) floats by itself: optimisers want one
+/// vertex of each held.
 ///
 /// ```
 /// use cfreg::batch::{Graph, Tangent};
@@ -58,7 +69,7 @@ impl Graph {
     /// they come, those without an edge too.
     ///
     /// # Errors
-    /// [`Error::Config`](crate::Error::Config) for an accepted pose that is none.
+    /// [`Error::Config`] with the pair for an accepted pose that is none.
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Result<Graph> {
         let mut graph = Graph::default();
         let mut numbers: HashMap<&str, usize> = HashMap::new();
@@ -83,7 +94,9 @@ impl Graph {
                 continue;
             };
             let matrix = std::array::from_fn(|i| std::array::from_fn(|j| pose[4 * i + j]));
-            let pose = Transform::from_matrix(matrix)?;
+            let pose = Transform::from_matrix(matrix).map_err(|error| {
+                Error::config("rows", format!("pair {}", row.index), error.to_string())
+            })?;
             if pose.scale != 1.0 || source == target {
                 graph.left_out += 1;
                 continue;
@@ -163,10 +176,12 @@ impl Graph {
         (placed.into_iter().map(|pose| pose.unwrap_or(Transform::IDENTITY)).collect(), parts)
     }
 
-    /// The graph as g2o has it, `VERTEX_SE3:QUAT` and `EDGE_SE3:QUAT`, for those who measure
-    /// rotations by `tangent`. A vertex is the pose of a cloud, an edge that of its source in the
-    /// frame of its target, with the information of shift and rotation in the source's frame: 0
-    /// along motions that nothing holds.
+    /// The graph as g2o has it, for those who measure rotations by `tangent`: a line
+    /// `VERTEX_SE3:QUAT number x y z qx qy qz qw` for the pose of each cloud, and a line
+    /// `EDGE_SE3:QUAT target source x y z qx qy qz qw` with the upper triangle of the information,
+    /// row by row, for that of a source in the frame of its target. Rows of the information are x, y,
+    /// z, then the rotation about x, y, z, both in the source's frame; 0 along motions that nothing
+    /// holds.
     pub fn g2o(&self, tangent: Tangent) -> String {
         let mut text = String::new();
         let mut line = |words: &[&str], numbers: &mut dyn Iterator<Item = f64>| {
@@ -201,11 +216,13 @@ impl Graph {
 impl Edge {
     /// The information of (t, r) with the true pose T·(t, r): a shift and, as `tangent` has it, a
     /// rotation in the source's frame, where that of the row is of (ω, τ) with the true pose
-    /// p ↦ exp(ω)(T p − c) + c + τ. To first order, with T = (R, s) and r = ω'/h,
+    /// p ↦ exp(ω)(T p − c) + c + τ. The rotation vector in the source's frame is h r, with h = 2 for
+    /// the vector part of a quaternion, else 1. To first order, with T = (R, s),
     ///
     /// ω = h R r,    τ = R t + (s − c) × h R r,
     ///
-    /// which is (ω, τ) = B (t, r): the information is Bᵀ I B.
+    /// as T·(t, r) moves the point c by τ: T maps R⁻¹(c − s) there, and a turn by ω about s moves it by
+    /// ω × (c − s) too. So (ω, τ) = B (t, r), and the information is Bᵀ I B.
     fn information_in(&self, tangent: Tangent) -> Mat6 {
         let half = match tangent {
             Tangent::Quaternion => 2.0,
@@ -360,5 +377,10 @@ mod tests {
         assert_eq!((lines[6][0], &lines[6][1..3]), ("EDGE_SE3:QUAT", &["0", "2"][..]));
         assert!(lines.len() == 8 && lines[6].len() == 3 + 7 + 21);
         assert_eq!(lines[6][3..6], ["1.0"; 3]);
+        let mut sheared = row("b", "a", "accept", one, 0.9);
+        sheared.index = 7;
+        sheared.pose = Some(std::array::from_fn(|k| k as f64));
+        let said = Graph::of(&[sheared]).unwrap_err().to_string();
+        assert!(said.starts_with("rows = pair 7: transform = "), "{said}");
     }
 }

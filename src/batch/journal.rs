@@ -31,9 +31,7 @@ pub(super) struct Journal {
 impl Journal {
     /// The place of the journal of an output.
     pub(super) fn beside(output: &Path) -> PathBuf {
-        let mut name = output.file_name().unwrap_or_default().to_os_string();
-        name.push(".part");
-        output.with_file_name(name)
+        super::output::beside(output, ".part")
     }
 
     /// Opens the journal for `pairs` pairs under `header`, with `resume` the rows that are in it

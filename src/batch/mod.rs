@@ -1,7 +1,7 @@
 //! Registration in bulk: a list of pairs, a row of results for each.
 //!
-//! Pairs run beside each other, each on one thread; each cloud is read once and kept under a
-//! budget of memory. Rows go to a journal beside the output (`RESULTS.csv.part`) as they come,
+//! Pairs run beside each other, each on one thread; each cloud is read once, what a method makes
+//! of it alone is made once, and both are kept under a budget of memory. Rows go to a journal beside the output (`RESULTS.csv.part`) as they come,
 //! and into the output, in the order of the list, at the end: a run that was cut short at any
 //! moment goes on from its journal, and ends with the same bytes as one that was not. The bytes
 //! do not depend on the number of threads either. What does depend on the machine are pairs that
@@ -67,8 +67,9 @@ pub enum Start {
     #[default]
     Fresh,
     /// Go on from its journal; begin where there is none, and do nothing where there is an
-    /// output without a journal, which is complete. An output of another list is refused, and
-    /// Parquet, which keeps what it was made with, of other settings.
+    /// output without a journal, which is complete. An output of another list or of other
+    /// settings is refused: Parquet has within what it was made with, CSV and JSON Lines in a file
+    /// beside them (`RESULTS.csv.run.json`), without which they are refused too.
     Resume,
     /// Begin anew. An output that is there is replaced at the end.
     Overwrite,
@@ -101,8 +102,8 @@ pub struct Batch<'a> {
     pub thinning: Thinning,
     /// Pairs that run beside each other, 0 (the default) for as many as there are cores.
     pub threads: usize,
-    /// Bytes of clouds that are kept for later pairs, beside those in use; default 1 GiB. More
-    /// helps where pairs of a cloud are far apart in the list.
+    /// Bytes of clouds, and of what was made of them alone, that are kept for later pairs, beside
+    /// those in use; default 1 GiB. More helps where pairs of a cloud are far apart in the list.
     pub memory: usize,
     /// Time after which a pair is given up, the reading of its clouds counted; its row has an
     /// `error`. None by default. Near the limit it depends on the machine which pairs that are.
@@ -323,8 +324,9 @@ impl<'a> Batch<'a> {
                 let target = self.cloud(list.folder(), target, 1, clouds)?;
                 par::checkpoint();
                 let start = Instant::now();
-                let found = self.method.register(&source, &target);
+                let found = self.method.register_cached(source.cached(), target.cached());
                 seconds = Some(start.elapsed().as_secs_f64());
+                [source, target].iter().for_each(|kept| clouds.count(kept));
                 found.map_err(|error| error.to_string())
             });
             found.unwrap_or_else(|error| match (error, self.time_limit) {

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -37,17 +37,28 @@ impl Format {
         }
     }
 
-    /// What the run that wrote `path` was asked for, of kinds that keep it.
+    /// What the run that wrote `path` was asked for: Parquet has it within, beside the others is
+    /// a file. `None` where it has not, or there is none.
     pub(super) fn asked_for(self, path: &Path) -> Result<Option<Value>> {
         match self {
             #[cfg(feature = "parquet")]
             Format::Parquet => super::parquet::asked_for(path),
-            _ => Ok(None),
+            #[cfg(not(feature = "parquet"))]
+            Format::Parquet => Ok(None),
+            Format::Csv | Format::JsonLines => {
+                let path = beside(path, RUN);
+                match fs::read(&path) {
+                    Ok(text) => Ok(serde_json::from_slice(&text).ok()),
+                    Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+                    Err(error) => Err(Error::io(&path, error)),
+                }
+            }
         }
     }
 
-    /// Writes rows to `path`, which may have in it what they were asked for by, under another name until all of them are on the disk: the file is
-    /// there whole or not at all.
+    /// Writes rows to `path`, with what they were asked for within or beside. Files have another
+    /// name until all of them is on the disk: they are there whole or not at all, and what was
+    /// asked for is there before the rows.
     pub(super) fn write(
         self,
         path: &Path,
@@ -55,29 +66,51 @@ impl Format {
         times: bool,
         asked_for: &Value,
     ) -> Result<()> {
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(".tmp");
-        let beside = path.with_file_name(name);
-        let failed = |error| Error::io(&beside, error);
-        let written = File::create(&beside).map_err(failed).and_then(|file| {
-            match self {
-                Format::Csv => csv(&file, rows, times, &failed)?,
-                Format::JsonLines => json_lines(&file, rows, times, &failed)?,
-                #[cfg(feature = "parquet")]
-                Format::Parquet => super::parquet::write(&file, rows, times, asked_for, &failed)?,
-                #[cfg(not(feature = "parquet"))]
-                Format::Parquet => {}
-            }
-            file.sync_all().map_err(failed)?;
-            fs::rename(&beside, path).map_err(|error| Error::io(path, error))
-        });
-        written.inspect_err(|_| {
-            // The first error is the one to tell.
-            let _ = fs::remove_file(&beside);
-        })?;
-        sync_folder(path);
-        Ok(())
+        if self != Format::Parquet {
+            whole(&beside(path, RUN), |mut file, failed| {
+                file.write_all(format!("{asked_for:#}\n").as_bytes()).map_err(failed)
+            })?;
+        }
+        whole(path, |file, failed| match self {
+            Format::Csv => csv(file, rows, times, &failed),
+            Format::JsonLines => json_lines(file, rows, times, &failed),
+            #[cfg(feature = "parquet")]
+            Format::Parquet => super::parquet::write(file, rows, times, asked_for, &failed),
+            #[cfg(not(feature = "parquet"))]
+            Format::Parquet => Ok(()),
+        })
     }
+}
+
+/// What is added to the name of an output that cannot hold what it was asked for: that is in
+/// there.
+pub(super) const RUN: &str = ".run.json";
+
+/// The file with something added to its name.
+pub(super) fn beside(path: &Path, end: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(end);
+    path.with_file_name(name)
+}
+
+/// Has `path` written by `write`, under another name until it is on the disk.
+fn whole(
+    path: &Path,
+    write: impl FnOnce(&File, &dyn Fn(io::Error) -> Error) -> Result<()>,
+) -> Result<()> {
+    let beside = beside(path, ".tmp");
+    let failed = |error| Error::io(&beside, error);
+    let written = File::create(&beside).map_err(failed).and_then(|file| {
+        write(&file, &failed)?;
+        file.sync_all().map_err(failed)?;
+        fs::rename(&beside, path).map_err(|error| Error::io(path, error))
+    });
+    written.inspect_err(|_| {
+        // The first error is the one to tell.
+        let _ = fs::remove_file(&beside);
+    })?;
+    sync_folder(path);
+    Ok(())
 }
 
 /// Has the new name on the disk too, on systems whose folders can be asked for that.

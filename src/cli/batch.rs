@@ -34,7 +34,7 @@ pub(super) struct Batch {
     /// Start anew, whatever an earlier run has left
     #[arg(long)]
     overwrite: bool,
-    /// Clouds kept for later pairs, in bytes or with a unit: 512MB, 4GiB
+    /// Clouds, and what was made of them, kept for later pairs, in bytes or with a unit: 512MB, 4GiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     memory: usize,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]

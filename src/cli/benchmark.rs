@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{Outcome, outputs, print, progress, reading};
+use super::{Outcome, outputs, print, progress, reading, say};
 use crate::cloud::Viewpoints;
 use crate::error::Result;
 use crate::experiment::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
@@ -24,7 +24,7 @@ pub(super) struct Benchmark {
     method: Vec<String>,
     /// Poses that other programs found, to be judged beside: CSV with the columns method, source,
     /// target (as in the list), t00 to t33 and, if known, seconds and accepted; a row of no
-    /// pair that is listed is refused
+    /// pair that is listed is refused, a pair without a row counts as failed
     #[arg(long, value_name = "POSES.csv")]
     poses: Vec<PathBuf>,
     /// Rows as CSV; a run that was cut short goes on from what is there
@@ -104,7 +104,15 @@ impl Benchmark {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
         })??;
         bar.finish_and_clear();
-        for poses in poses {
+        for (poses, path) in poses.iter().zip(&self.poses) {
+            for (method, missing) in poses.missing(&pairs) {
+                say(&format!(
+                    "cfreg: {}: {missing} of {} pairs have no row by {method}: they count as \
+                     failed\n",
+                    path.display(),
+                    pairs.len()
+                ));
+            }
             rows.extend(poses.judge(&pairs, settings)?);
         }
         print(&report::markdown(&rows))?;

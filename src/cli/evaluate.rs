@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::options::Known;
 use super::{Outcome, print, print_json, reading};
 use crate::cloud::Viewpoints;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::io;
-use crate::method::Consensus;
 use crate::quality::{self, Decision, Judgement, Verdict};
 
 #[derive(Args)]
@@ -32,10 +32,12 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     thinning: Thinning,
     /// Also a verdict on the pose, by a search of the method consensus: whether it is right, to
-    /// within the length that clouds are thinned to, and which other one is more probable; exit
-    /// code 0 only for accept
+    /// within the length that clouds are thinned to (that of --voxel), and which other one is more
+    /// probable; exit code 0 only for accept
     #[arg(long)]
     verdict: bool,
+    #[command(flatten)]
+    known: Known,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
     /// Print one JSON object instead of text
@@ -54,15 +56,25 @@ struct Answer {
 
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
+        let judge = self.known.judge(self.thinning.voxel)?;
+        if let Some(name) = self.known.typed().filter(|_| !self.verdict) {
+            let rule = "is what a verdict goes by: add --verdict";
+            return Err(Error::config(name, "given", rule));
+        }
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
         let files = [self.source.as_path(), &self.target];
         let [source, target] = reading::read_pair(files, &self.thinning, self.viewpoints)?;
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
-        let judge = Consensus::default();
-        let verdict = self.verdict.then(|| judge.judge(&source, &target, &transform));
-        let verdict = verdict.transpose()?;
+        let verdict = || {
+            // The length follows its own way to thin: it wants the clouds as they are.
+            let raw = Thinning { voxel: None, ..self.thinning };
+            let raw = self.thinning.voxel.map(|_| reading::read_pair(files, &raw, self.viewpoints));
+            let [source, target] = &raw.transpose()?.unwrap_or([source, target]);
+            judge.judge(source, target, &transform)
+        };
+        let verdict = self.verdict.then(verdict).transpose()?;
         let accepted = verdict.as_ref().is_none_or(|it| it.decision == Decision::Accept);
         if self.json {
             print_json(&Answer { judgement, verdict })?;

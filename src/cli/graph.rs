@@ -28,7 +28,7 @@ enum Rotations {
     /// The vector part of quaternions: g2o
     #[default]
     Quaternion,
-    /// Rotation vectors: GTSAM, Ceres
+    /// Rotation vectors: GTSAM
     Vector,
 }
 

@@ -9,9 +9,68 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::io;
-use crate::method::{Chain, Method};
+use crate::method::{Chain, Consensus, Method};
 use crate::pose::{Near, Prior, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
+
+/// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.
+#[derive(Args, Clone)]
+pub(super) struct Known {
+    /// Compare points by these channels of the clouds too, as intensity:0.5,red,green,blue; a
+    /// share of 1 (the default) matters as much as the whole shape
+    #[arg(long, value_name = "NAME[:SHARE],..", value_delimiter = ',')]
+    channels: Vec<String>,
+    /// A direction that is known in both frames, as gravity, of the source and, after a colon, of
+    /// the target; the same in both is an axis to turn about: 0,0,1 leaves the yaw alone
+    #[arg(long, value_name = "X,Y,Z[:X,Y,Z]", allow_hyphen_values = true)]
+    direction: Option<String>,
+    /// A pose whose rotation is known, or near: a file of its 4×4 matrix
+    #[arg(long, value_name = "T.txt")]
+    near: Option<PathBuf>,
+    /// Degrees within which the rotation of --near is [default: 0, it is known]
+    #[arg(long, value_name = "DEG", requires = "near", allow_negative_numbers = true)]
+    within: Option<f64>,
+}
+
+impl Known {
+    /// What judges a pose by it, by this length where there is one.
+    pub(super) fn judge(&self, voxel: Option<f64>) -> Result<Consensus> {
+        let channels = self.channels.iter().map(|text| text.parse()).collect::<Result<_>>()?;
+        let judge = Consensus { voxel, prior: self.prior()?, channels, ..Consensus::default() };
+        judge.validate()?;
+        Ok(judge)
+    }
+
+    /// The first option that was typed.
+    pub(super) fn typed(&self) -> Option<&'static str> {
+        let all = [
+            ("channels", !self.channels.is_empty()),
+            ("direction", self.direction.is_some()),
+            ("near", self.near.is_some()),
+        ];
+        all.into_iter().find_map(|(name, typed)| typed.then_some(name))
+    }
+
+    /// What is known of the pose beforehand.
+    fn prior(&self) -> Result<Prior> {
+        let mut prior = Prior::default();
+        if let Some(text) = &self.direction {
+            let (source, target) = text.split_once(':').unwrap_or((text, text));
+            let read = |part: &str| numbers(part).and_then(|all| all.try_into().ok());
+            let (Some(source), Some(target)) = (read(source), read(target)) else {
+                let rule = "must be X,Y,Z or X,Y,Z:X,Y,Z";
+                return Err(Error::config("direction", text, rule));
+            };
+            prior.direction = Some([source, target]);
+        }
+        if let Some(path) = &self.near {
+            let within_deg = self.within.unwrap_or(0.0);
+            let vector = io::read_transform(path)?.rotation_vector();
+            prior.rotation = Some(Near { vector, within_deg });
+        }
+        Ok(prior)
+    }
+}
 
 /// The method and its settings. What is not typed keeps the default of the library.
 #[derive(Args, Clone)]
@@ -38,10 +97,6 @@ pub(super) struct MethodOptions {
     /// not to be the first scale's: their descriptors are put beside
     #[arg(long, value_name = "K[:NORMALS],..", value_delimiter = ',')]
     more_neighbors: Vec<String>,
-    /// Compare points by these channels of the clouds too, as intensity:0.5,red,green,blue; a
-    /// share of 1 (the default) matters as much as the whole shape
-    #[arg(long, value_name = "NAME[:SHARE],..", value_delimiter = ',')]
-    channels: Vec<String>,
     /// Nearest points for normals [default: as for descriptors]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,
@@ -71,16 +126,8 @@ pub(super) struct MethodOptions {
     /// Estimate a scale: fixed, umeyama, symmetric [default: fixed]
     #[arg(long)]
     scale: Option<ScaleEstimate>,
-    /// A direction that is known in both frames, as gravity, of the source and, after a colon, of
-    /// the target; the same in both is an axis to turn about: 0,0,1 leaves the yaw alone
-    #[arg(long, value_name = "X,Y,Z[:X,Y,Z]", allow_hyphen_values = true)]
-    direction: Option<String>,
-    /// A pose whose rotation is known, or near: a file of its 4×4 matrix
-    #[arg(long, value_name = "T.txt")]
-    near: Option<PathBuf>,
-    /// Degrees within which the rotation of --near is [default: 0, it is known]
-    #[arg(long, value_name = "DEG", requires = "near", allow_negative_numbers = true)]
-    within: Option<f64>,
+    #[command(flatten)]
+    known: Known,
     /// Bounds of an estimated scale
     #[arg(long, value_name = "LOW,HIGH")]
     scale_bounds: Option<String>,
@@ -153,23 +200,14 @@ impl MethodOptions {
         options
     }
 
+    /// What judges a pose by what is known.
+    pub(super) fn judge(&self) -> Result<Consensus> {
+        self.known.judge(None)
+    }
+
     /// What is known of the pose beforehand, if anything was said.
     fn prior(&self) -> Result<Option<Prior>> {
-        let mut prior = Prior::default();
-        if let Some(text) = &self.direction {
-            let (source, target) = text.split_once(':').unwrap_or((text, text));
-            let read = |part: &str| numbers(part).and_then(|all| all.try_into().ok());
-            let (Some(source), Some(target)) = (read(source), read(target)) else {
-                let rule = "must be X,Y,Z or X,Y,Z:X,Y,Z";
-                return Err(Error::config("direction", text, rule));
-            };
-            prior.direction = Some([source, target]);
-        }
-        if let Some(path) = &self.near {
-            let within_deg = self.within.unwrap_or(0.0);
-            let vector = io::read_transform(path)?.rotation_vector();
-            prior.rotation = Some(Near { vector, within_deg });
-        }
+        let mut prior = self.known.prior()?;
         if let Some(text) = &self.scale_bounds {
             let bounds = numbers(text).and_then(|all| <[f64; 2]>::try_from(all).ok());
             let Some(bounds) = bounds else {
@@ -191,8 +229,8 @@ impl MethodOptions {
         if !self.more_neighbors.is_empty() {
             add("more_neighbors", Some(json!(self.more_neighbors)));
         }
-        if !self.channels.is_empty() {
-            add("channels", Some(json!(self.channels)));
+        if !self.known.channels.is_empty() {
+            add("channels", Some(json!(self.known.channels)));
         }
         add("normal_neighbors", self.normal_neighbors.map(Value::from));
         if let Some(text) = &self.orientation {

@@ -11,6 +11,7 @@ use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::method::{Consensus, Method, Register as _, Registration};
+use crate::quality::Doubt;
 use crate::{io, par};
 
 #[derive(Args)]
@@ -70,7 +71,8 @@ impl Register {
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             if self.verdict && registration.verdict.is_none() {
-                registration = judged(registration, &source, &target)?;
+                let judge = self.method.judge()?;
+                registration = judged(registration, &judge, &source, &target)?;
             }
             registration.time_s.0.insert(0, ("read", seconds));
             Ok::<_, Error>(registration)
@@ -110,11 +112,11 @@ impl Register {
 /// `registration` with a verdict, and the seconds that it took.
 fn judged(
     mut registration: Registration,
+    judge: &Consensus,
     source: &PointCloud,
     target: &PointCloud,
 ) -> Result<Registration> {
     let mut seconds = std::mem::take(&mut registration.time_s);
-    let judge = Consensus::default();
     let pose = registration.transform;
     let verdict = seconds.time("verdict", || judge.judge(source, target, &pose))?;
     Ok(Registration { time_s: seconds, ..registration.with_verdict(verdict) })
@@ -122,7 +124,13 @@ fn judged(
 
 /// What may help against a doubt, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
+    let as_good =
+        |doubt: &Doubt| matches!(doubt, Doubt::Ambiguous { .. } | Doubt::Undetermined { .. });
     match &registration.config {
+        // More seeds would only find the others again.
+        Method::Consensus(_) if registration.doubts.iter().any(as_good) => {
+            "what tells the poses apart: --channels, --direction or --near, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
+        }
         Method::Consensus(_) => {
             "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }

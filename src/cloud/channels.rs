@@ -8,7 +8,11 @@ use crate::error::{Error, Result};
 /// Names are compared without regard to case. A name is letters, digits, `_`, `-` and `.`, is
 /// no number, and none of those that files have for positions, normals and weights.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Channels(Vec<(String, Vec<f32>)>);
+pub struct Channels {
+    own: Vec<(String, Vec<f32>)>,
+    /// Names of those that a file had and that are left out, and the first row that is to blame.
+    left_out: Vec<(String, usize)>,
+}
 
 /// Names that mean something else in files.
 const TAKEN: [&str; 10] =
@@ -44,7 +48,7 @@ impl Channels {
         if self.get(name).is_some() {
             return Err(Error::config("channels", name, "is there twice"));
         }
-        if let Some(expected) = self.0.first().map(|(_, first)| first.len())
+        if let Some(expected) = self.own.first().map(|(_, first)| first.len())
             && expected != values.len()
         {
             let what = format!("values of the channel {name}");
@@ -53,40 +57,55 @@ impl Channels {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             return Err(Error::NonFinite { what: format!("the channel {name}"), index });
         }
-        self.0.push((name.into(), values));
+        self.own.push((name.into(), values));
         Ok(self)
+    }
+
+    /// The same, with the name of a channel that is left out as its value in `row`, from 0, of a
+    /// file is no number that f32 holds.
+    pub(crate) fn without(mut self, name: &str, row: usize) -> Self {
+        self.left_out.push((name.into(), row));
+        self
+    }
+
+    /// The first row, from 0, of the file that the cloud was read from, whose value in the column
+    /// of that name is NaN, infinite or none: the reason why there is no such channel.
+    pub fn left_out(&self, name: &str) -> Option<usize> {
+        let named = self.left_out.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
+        named.map(|(_, row)| *row)
     }
 
     /// The values of a channel, one a point.
     pub fn get(&self, name: &str) -> Option<&[f32]> {
-        let named = self.0.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
+        let named = self.own.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
         named.map(|(_, values)| values.as_slice())
     }
 
     /// Names and values, in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (&str, &[f32])> {
-        self.0.iter().map(|(name, values)| (name.as_str(), values.as_slice()))
+        self.own.iter().map(|(name, values)| (name.as_str(), values.as_slice()))
     }
 
     /// The names, in order.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
-        self.0.iter().map(|(name, _)| name.as_str())
+        self.own.iter().map(|(name, _)| name.as_str())
     }
 
     /// Whether there is no channel.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.own.is_empty()
     }
 
     /// Every channel with other values, made of its own, as many of each. Not finite is not
     /// possible: values are means or parts of what was.
     pub(crate) fn map(&self, values: impl Fn(&[f32]) -> Vec<f32>) -> Channels {
-        Channels(self.0.iter().map(|(name, own)| (name.clone(), values(own))).collect())
+        let own = self.own.iter().map(|(name, own)| (name.clone(), values(own))).collect();
+        Channels { own, left_out: self.left_out.clone() }
     }
 
     /// Refuses channels that have not one value for each of `points`.
     pub(super) fn check(&self, points: usize) -> Result<()> {
-        match self.0.first().filter(|(_, values)| values.len() != points) {
+        match self.own.first().filter(|(_, values)| values.len() != points) {
             None => Ok(()),
             Some((name, values)) => Err(Error::Shape {
                 what: format!("values of the channel {name} for the points of a cloud"),

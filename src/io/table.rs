@@ -52,7 +52,7 @@ impl Table {
 
     /// The cloud of these rows: a column called weight has the weights of the points, others are
     /// channels. One that has no name for a channel, or a number that f32 does not hold at a
-    /// point that does not drop out, is left out: nobody may have asked for it.
+    /// point that does not drop out, is left out, as nobody may have asked for it, and noted.
     pub fn into_cloud(mut self) -> Result<PointCloud> {
         let finite = |&i: &usize| self.points[i].iter().all(|x| x.is_finite());
         let kept: Vec<usize> = (0..self.points.len()).filter(finite).collect();
@@ -65,8 +65,12 @@ impl Table {
             }
             for (name, values) in extra.channels(&numbers) {
                 let holds = |&i: &usize| values[i].is_finite();
-                let named = Channels::is_name(&name) && channels.get(&name).is_none();
-                if named && kept.iter().all(holds) {
+                if !Channels::is_name(&name) || channels.get(&name).is_some() {
+                    continue;
+                }
+                if let Some(&row) = kept.iter().find(|&i| !holds(i)) {
+                    channels = channels.without(&name, row);
+                } else {
                     // At rows that drop out, anything that is a number.
                     let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
                     let values = values.into_iter().map(finite).collect();

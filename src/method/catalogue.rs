@@ -5,8 +5,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register, Registration,
-    Teaser, dare,
+    Cached, Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register,
+    Registration, Teaser, dare,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -108,6 +108,26 @@ impl Method {
         }
     }
 
+    /// The answer, or the error with what may help in settings that the method has.
+    pub(crate) fn advised<T>(&self, found: Result<T>) -> Result<T> {
+        found.map_err(|error| match error {
+            Error::NoWeight { .. } => Error::NoWeight { advice: self.advice() },
+            other => other,
+        })
+    }
+
+    /// What may help where no connection has weight.
+    fn advice(&self) -> &'static str {
+        match self {
+            Method::Consensus(_) => "try another voxel, channels, or a prior that allows more",
+            Method::Cf(_) | Method::Cfk(_) => "raise beta, or set it to auto",
+            Method::Teaser(_) => "raise noise_bound",
+            Method::Icp(_) => "raise max_distance, or start nearer",
+            Method::Kc(_) | Method::Cpd(_) => "raise sigma, or start nearer",
+            Method::Dare(_) => "start nearer",
+        }
+    }
+
     fn as_register(&self) -> &dyn Register {
         match self {
             Method::Consensus(method) => method,
@@ -150,6 +170,31 @@ impl FromStr for Method {
 
 impl Register for Method {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.as_register().register(source, target)
+        self.advised(self.as_register().register(source, target))
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+        self.advised(self.as_register().register_cached(source, target))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advice_names_settings_that_the_method_has() {
+        const SETTINGS: [&str; 7] =
+            ["beta", "sigma", "max_distance", "noise_bound", "voxel", "channels", "prior"];
+        for name in Method::NAMES {
+            let method: Method = name.parse().unwrap();
+            let said = method.advised(Err::<(), _>(Error::NO_WEIGHT)).unwrap_err().to_string();
+            let config = serde_json::to_value(&method).unwrap();
+            let named: Vec<&str> =
+                SETTINGS.into_iter().filter(|setting| said.contains(setting)).collect();
+            let has = |setting: &&str| config.get(*setting).is_some();
+            assert!(named.iter().all(has), "{name}: {said}");
+            assert!(!named.is_empty() || name == "dare", "{name}: {said}");
+        }
     }
 }

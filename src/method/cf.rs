@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::prepared::{Describe, Scale};
 use super::registration::{Found, PointCounts, Registration, Timings};
-use super::{Method, Register, StopReason};
+use super::{Cached, Method, Register, StopReason};
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
@@ -157,7 +157,8 @@ impl Cf {
     ) -> Result<Registration> {
         par::with_threads(self.threads, || {
             let named = Method::Cf(self.custom());
-            self.run(source, target, None, named, |connection| Ok((weigh(connection)?, None)))
+            let ends = [source.into(), target.into()];
+            self.run(ends, None, named, |connection| Ok((weigh(connection)?, None)))
         })?
     }
 
@@ -179,17 +180,15 @@ impl Cf {
     /// asks, with its resolved settings.
     pub(super) fn run(
         &self,
-        source: &PointCloud,
-        target: &PointCloud,
+        [source, target]: [Cached<'_>; 2],
         detector: Option<&Keypoints>,
         named: Method,
         weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)>,
     ) -> Result<Registration> {
         self.validate()?;
         let mut times = Timings::default();
-        let source_side = self.describe.prepare_at(source, "the source", detector, &mut times)?;
-        let target_side = self.describe.prepare_at(target, "the target", detector, &mut times)?;
-        let [source_side, target_side] = self.describe.joined([source_side, target_side])?;
+        let [source_side, target_side] =
+            self.describe.pair([source, target], detector, &mut times)?;
         let (connection, beta, moments) = times.time("moments", || {
             let connection = source_side.connection(&target_side)?;
             let (moments, beta) = weigh(&connection)?;
@@ -221,9 +220,13 @@ impl Cf {
 
 impl Register for Cf {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || {
             let named = Method::Cf(self.resolved());
-            self.run(source, target, None, named, |connection| self.weigh(connection))
+            self.run([source, target], None, named, |connection| self.weigh(connection))
         })?
     }
 }

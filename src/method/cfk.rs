@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Cf, Method, Register, Registration};
+use super::{Cached, Cf, Method, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
@@ -61,28 +61,32 @@ impl Cfk {
         weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
     ) -> Result<Registration> {
         let named = Cfk { connection: self.connection.custom(), ..self.clone() };
-        self.run(source, target, named, |connection| Ok((weigh(connection)?, None)))
+        let ends = [source.into(), target.into()];
+        self.run(ends, named, |connection| Ok((weigh(connection)?, None)))
     }
 
     fn run(
         &self,
-        source: &PointCloud,
-        target: &PointCloud,
+        ends: [Cached<'_>; 2],
         named: Cfk,
         weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)> + Send,
     ) -> Result<Registration> {
         let cf = &self.connection;
         par::with_threads(cf.threads, || {
             self.validate()?;
-            cf.run(source, target, Some(&self.keypoints), Method::Cfk(named), weigh)
+            cf.run(ends, Some(&self.keypoints), Method::Cfk(named), weigh)
         })?
     }
 }
 
 impl Register for Cfk {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let cf = &self.connection;
         let named = Cfk { connection: cf.resolved(), ..self.clone() };
-        self.run(source, target, named, |connection| cf.weigh(connection))
+        self.run([source, target], named, |connection| cf.weigh(connection))
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Icp, Method, Register, Registration};
+use super::{Cached, Icp, Method, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::quality::Doubt;
@@ -75,7 +75,11 @@ impl Register for Chain {
     /// A refinement that finds nothing to hold on to leaves the pose before it as the
     /// answer, with [`Doubt::NotRefined`].
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.go_on(self.first.register(source, target)?, source, target)
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+        self.refined(self.first.register_cached(source, target)?, source, target)
     }
 }
 
@@ -91,20 +95,29 @@ impl Chain {
         source: &PointCloud,
         target: &PointCloud,
     ) -> Result<Registration> {
+        self.refined(begun, source.into(), target.into())
+    }
+
+    fn refined(
+        &self,
+        begun: Registration,
+        source: Cached<'_>,
+        target: Cached<'_>,
+    ) -> Result<Registration> {
         let mut found = begun;
         for method in &self.refinements {
             let method = bounded(method, &found);
             let Some(refinement) = method.as_refinement() else { continue };
-            match refinement.refine(source, target, &found.transform) {
+            match refinement.refine_cached(source, target, &found.transform) {
                 Ok(mut refined) => {
                     let own = std::mem::take(&mut refined.time_s);
                     refined.time_s = found.time_s.clone();
                     own.0.iter().for_each(|&(stage, seconds)| refined.time_s.add(stage, seconds));
-                    refined = refined.keep_verdict(&found, source);
+                    refined = refined.keep_verdict(&found, source.cloud);
                     refined.refined_from = Some(Box::new(found));
                     found = refined;
                 }
-                Err(Error::NoWeight | Error::Degenerate { .. }) => {
+                Err(Error::NoWeight { .. } | Error::Degenerate { .. }) => {
                     found.doubts.push(Doubt::NotRefined);
                     found.trusted = false;
                     break;

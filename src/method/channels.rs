@@ -34,7 +34,7 @@ impl Channel {
         if self.share > 0.0 && self.share <= 1000.0 {
             return Ok(());
         }
-        let rule = "a share must be above 0 and at most 1000";
+        let rule = "a share must be a finite number above 0, at most 1000";
         Err(Error::config("channels", self, rule))
     }
 }
@@ -69,15 +69,20 @@ pub(super) fn values_of<'a>(
 ) -> Result<Vec<&'a [f32]>> {
     let values = |channel: &Channel| {
         cloud.channels().get(&channel.name).ok_or_else(|| {
+            if let Some(row) = cloud.channels().left_out(&channel.name) {
+                let rule = format!(
+                    "{name} has a value in this channel that is no finite number, the first at \
+                     point {row} of its file, counted from 0: put a number there, or remove that \
+                     point"
+                );
+                return Error::config("channels", &channel.name, rule);
+            }
             let there: Vec<&str> = cloud.channels().names().collect();
             let there = match there.is_empty() {
                 true => "none".to_string(),
                 false => there.join(", "),
             };
-            let rule = format!(
-                "{name} has no such channel; it has {there} (a column of a file counts when all \
-                 its values are finite)"
-            );
+            let rule = format!("{name} has no such channel; it has {there}");
             Error::config("channels", &channel.name, rule)
         })
     };

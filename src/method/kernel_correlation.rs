@@ -141,7 +141,7 @@ impl KernelCorrelation {
         self.validate()?;
         let (source, target) = (&*source.counting(), &*target.counting());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || Positions::new(source, target))?;
+        let positions = times.time("prepare", || Positions::new(source.into(), target.into()))?;
         let unit = positions.unit();
         let (first, last) = self.range(source, target, unit, initial.scale)?;
         let (mut pose, mut sigma) = (*initial, first);
@@ -198,7 +198,7 @@ impl KernelCorrelation {
             }),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source, target)
+        Registration::conclude(found, source.into(), target.into())
     }
 }
 

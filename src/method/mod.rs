@@ -2,8 +2,9 @@
 //!
 //! Everything that registers implements [`Register`]; what starts from a pose implements
 //! [`Refine`] too; what has a name is in the catalogue [`Method`]. An answer is a
-//! [`Registration`].
+//! [`Registration`]. Of clouds of many pairs a [`Cache`] keeps what is made of one alone.
 
+mod cache;
 mod catalogue;
 mod cf;
 mod cfk;
@@ -22,6 +23,7 @@ mod schedule;
 mod settings;
 mod teaser;
 
+pub use cache::{Cache, Cached};
 pub use catalogue::Method;
 pub use cf::Cf;
 pub use cfk::Cfk;
@@ -50,6 +52,30 @@ pub trait Register: Send + Sync {
     /// When no answer can be computed; an answer that is not to be trusted is `Ok` with
     /// its [`doubts`](Registration::doubts).
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration>;
+
+    /// The same, and the same bits, of clouds of many pairs: what depends on one of them alone
+    /// is made once and kept beside it. A method that keeps nothing needs none of its own.
+    ///
+    /// ```
+    /// use cfreg::method::{Cache, Cached, Cf, Register};
+    /// # use cfreg::experiment::shape::boulder;
+    /// let map = boulder().sample(400, 0)?;
+    /// let cache = Cache::default();
+    /// let target = Cached { cloud: &map, cache: Some(&cache) };
+    /// for seed in 1..3 {
+    ///     let scan = boulder().sample(400, seed)?;
+    ///     let found = Cf::default().register_cached((&scan).into(), target)?;
+    ///     assert_eq!(found.transform, Cf::default().register(&scan, &map)?.transform);
+    /// }
+    /// assert!(cache.bytes() > 400 * 33 * 4);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`register`](Self::register).
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+        self.register(source.cloud, target.cloud)
+    }
 }
 
 /// Something that improves a pose: weights by position under the current pose, solved,
@@ -65,10 +91,27 @@ pub trait Refine: Send + Sync {
         target: &PointCloud,
         initial: &Transform,
     ) -> Result<Registration>;
+
+    /// The same of clouds of many pairs, as [`Register::register_cached`].
+    ///
+    /// # Errors
+    /// As [`refine`](Self::refine).
+    fn refine_cached(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+        initial: &Transform,
+    ) -> Result<Registration> {
+        self.refine(source.cloud, target.cloud, initial)
+    }
 }
 
 impl<R: Refine> Register for R {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         self.refine(source, target, &Transform::IDENTITY)
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+        self.refine_cached(source, target, &Transform::IDENTITY)
     }
 }

@@ -4,6 +4,9 @@
 //! same points as ever, so the moments give a pose of the *unmoved* source: no
 //! increments are composed and no error adds up.
 
+use std::sync::Arc;
+
+use super::cache::{Cached, Keep};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
@@ -15,23 +18,42 @@ use crate::search::{Neighbor, SearchTree};
 pub(super) struct Positions<'a> {
     source: &'a PointCloud,
     target: &'a PointCloud,
-    /// The target's points in units, the embedding of the dense connections.
-    embedded: Descriptors,
+    onto: Arc<Onto>,
     /// Weights of the points in shares of their mean, where the clouds have any.
     weights: [Option<Vec<f32>>; 2],
+}
+
+/// What is made of the target alone.
+struct Onto {
+    /// Its points in units, the embedding of the dense connections.
+    embedded: Descriptors,
     tree: SearchTree,
     unit: f64,
+}
+
+/// Its key.
+#[derive(PartialEq)]
+struct AsTarget;
+
+impl Keep for Onto {
+    fn bytes(&self) -> usize {
+        // The tree has the points once more, and their numbers.
+        self.embedded.len() * (3 * 4 + 4 * 4)
+    }
 }
 
 impl<'a> Positions<'a> {
     /// # Errors
     /// Those of [`unit`] and [`SearchTree::new`].
-    pub(super) fn new(source: &'a PointCloud, target: &'a PointCloud) -> Result<Self> {
-        let unit = unit(source, target)?;
-        let embedded = embed(target.points(), unit)?;
-        let tree = SearchTree::new(target.points())?;
+    pub(super) fn new(source: Cached<'a>, target: Cached<'a>) -> Result<Self> {
+        let unit = unit(source.cloud, target.cloud)?;
+        let onto = target.get(AsTarget, || {
+            let points = target.cloud.points();
+            Ok(Onto { embedded: embed(points, unit)?, tree: SearchTree::new(points)?, unit })
+        })?;
+        let (source, target) = (source.cloud, target.cloud);
         let weights = [source, target].map(PointCloud::relative_weights);
-        Ok(Positions { source, target, embedded, weights, tree, unit })
+        Ok(Positions { source, target, onto, weights })
     }
 
     /// The target as it was handed in.
@@ -42,7 +64,7 @@ impl<'a> Positions<'a> {
     /// Root mean square distance of the target points to their centroid: the length that
     /// bandwidths of [`connection`](Self::connection) are measured in.
     pub(super) fn unit(&self) -> f64 {
-        self.unit
+        self.onto.unit
     }
 
     /// The source's points under `pose`, relative to the target's origin.
@@ -84,14 +106,14 @@ impl<'a> Positions<'a> {
     /// # Errors
     /// Those of [`moved`](Self::moved).
     pub(super) fn connection(&self, pose: &Transform) -> Result<FullConnection> {
-        let moved = embed(&self.moved(pose)?, self.unit)?;
+        let moved = embed(&self.moved(pose)?, self.unit())?;
         let side = |cloud: &'a PointCloud, descriptors| Described {
             points: cloud.points(),
             origin: cloud.origin(),
             descriptors,
         };
         let connection =
-            FullConnection::new(side(self.source, &moved), side(self.target, &self.embedded))?;
+            FullConnection::new(side(self.source, &moved), side(self.target, &self.onto.embedded))?;
         let [a, b] = &self.weights;
         connection.with_point_weights(a.as_deref(), b.as_deref())
     }
@@ -99,7 +121,7 @@ impl<'a> Positions<'a> {
     /// The nearest target point of every moved source point; distances in the target's
     /// unit.
     pub(super) fn nearest(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
-        par::map(moved.len(), || (), |_, i| self.tree.nearest(&moved[i]))
+        par::map(moved.len(), || (), |_, i| self.onto.tree.nearest(&moved[i]))
     }
 }
 

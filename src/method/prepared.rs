@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use std::sync::Arc;
+
+use super::cache::{Cached, Keep};
 use super::channels::{Channel, values_of};
 use super::registration::{Counts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
@@ -208,6 +211,42 @@ impl Describe {
                 oriented_by: Some(normals.oriented_by),
             },
         })
+    }
+}
+
+/// Key of a described cloud.
+#[derive(PartialEq)]
+struct By(Describe, Option<Keypoints>);
+
+impl Keep for Prepared {
+    fn bytes(&self) -> usize {
+        let single = self.channels.len() + usize::from(self.weights.is_some());
+        self.points.len() * 4 * (3 + self.descriptors.dim() + single)
+    }
+}
+
+impl Describe {
+    /// Both clouds of a pair with their channels beside their descriptors, ready to be connected.
+    ///
+    /// # Errors
+    /// Those of [`prepare_at`](Self::prepare_at) and [`joined`](Self::joined).
+    pub(super) fn pair(
+        &self,
+        [source, target]: [Cached<'_>; 2],
+        detector: Option<&Keypoints>,
+        times: &mut Timings,
+    ) -> Result<[Arc<Prepared>; 2]> {
+        let mut prepare = |side: Cached<'_>, name| {
+            side.get(By(self.clone(), detector.copied()), || {
+                self.prepare_at(side.cloud, name, detector, times)
+            })
+        };
+        let sides = [prepare(source, "the source")?, prepare(target, "the target")?];
+        if self.channels.is_empty() {
+            return Ok(sides);
+        }
+        // How much a channel counts follows from both clouds.
+        Ok(self.joined(sides.map(|side| Prepared::clone(&side)))?.map(Arc::new))
     }
 }
 

@@ -6,11 +6,12 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::schedule::{Step, StopReason};
-use super::{Certificate, Method};
+use super::{Cached, Certificate, Method};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
+use crate::par;
 use crate::quality::{self, Doubt, Evaluation, Verdict};
 
 /// A pose, what it rests on, and what speaks against it.
@@ -98,11 +99,12 @@ impl Registration {
     ///
     /// # Errors
     /// Those of [`quality::evaluate`].
-    pub(super) fn conclude(found: Found, source: &PointCloud, target: &PointCloud) -> Result<Self> {
+    pub(super) fn conclude(found: Found, source: Cached<'_>, target: Cached<'_>) -> Result<Self> {
         let Found { transform, moments, singular_values, mut times, mut doubts, .. } = found;
         let evaluation = times.time("evaluate", || {
-            let distance = quality::default_distance(source, target, transform.scale)?;
-            quality::evaluate(source, target, &transform, distance)
+            let [from, onto] = par::both([source, target], |side| side.resolution())?;
+            let distance = quality::distance_of_resolutions(from, onto, transform.scale);
+            quality::evaluate(source.cloud, target.cloud, &transform, distance)
         })?;
         if found.stop == StopReason::IterationLimit {
             doubts.push(Doubt::NotConverged { iterations: found.iterations });

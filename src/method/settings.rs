@@ -97,7 +97,9 @@ fn scale(value: Value) -> Value {
 /// `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
 fn channel(value: Value) -> Result<Value> {
     let Some(text) = value.as_str() else { return Ok(value) };
-    match text.parse::<super::Channel>() {
+    let parsed = text.parse::<super::Channel>();
+    // Here, as JSON would turn NaN into nothing.
+    match parsed.and_then(|channel| channel.validate().map(|()| channel)) {
         Ok(channel) => Ok(json!(channel)),
         Err(Error::Config { field, rule, .. }) => {
             Err(Error::Setting { name: field.into(), value: value.to_string(), rule })
@@ -167,6 +169,8 @@ mod tests {
             let message = message("more_neighbors", wrong);
             assert!(message.starts_with("more_neighbors = "), "{message}");
         }
+        let said = message("channels", json!(["i:nan"]));
+        assert!(said.ends_with("a share must be a finite number above 0, at most 1000"), "{said}");
         for wrong in
             [json!("red:x"), json!([1]), json!(":1"), json!({ "name": "red", "share": "x" })]
         {

@@ -156,7 +156,7 @@ impl Moments {
             });
         }
         if self.weight <= 0.0 {
-            return Err(Error::NoWeight);
+            return Err(Error::NO_WEIGHT);
         }
         let mean = |sum: Vec3| math::scaled(sum, 1.0 / self.weight);
         let (source, target) = (mean(self.source_sum), mean(self.target_sum));
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_centred_says_so() {
-        assert!(matches!(Moments::default().centered(), Err(Error::NoWeight)));
+        assert!(matches!(Moments::default().centered(), Err(Error::NoWeight { .. })));
         let nan = Moments { weight: 1.0, source_squares: f64::NAN, ..Default::default() };
         assert!(matches!(nan.centered(), Err(Error::NonFinite { index: 1, .. })));
         assert_eq!(Moments::default().effective_connections(), 0.0);

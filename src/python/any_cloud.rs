@@ -1,20 +1,25 @@
 //! Whatever stands for a cloud where one is asked for.
 
+use std::path::PathBuf;
+
 use pyo3::prelude::*;
 
 use super::cloud::PyCloud;
+use super::doorway::released;
 use super::errors::ShapeError;
 use super::foreign::BadRows;
 use crate::cloud::PointCloud;
+use crate::io;
 
-/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one.
+/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one, a file too.
 pub(super) enum AnyCloud<'py> {
     Given(Bound<'py, PyCloud>),
     Made(PointCloud),
 }
 
 impl<'py> AnyCloud<'py> {
-    /// `name` is what errors call the cloud; `normals` take the place of its own.
+    /// `name` is what errors call the cloud; `normals` take the place of its own. Where bad rows
+    /// are refused, rows have numbers, which those of a file have not.
     pub(super) fn read(
         any: &Bound<'py, PyAny>,
         name: &str,
@@ -23,6 +28,10 @@ impl<'py> AnyCloud<'py> {
     ) -> PyResult<Self> {
         match (any.cast::<PyCloud>(), normals) {
             (Ok(given), None) => Ok(AnyCloud::Given(given.clone())),
+            (_, None) if bad_rows == BadRows::Drop => match any.extract::<PathBuf>() {
+                Ok(path) => released(any.py(), || io::read(&path)).map(AnyCloud::Made),
+                Err(_) => PyCloud::made(any, name, None, bad_rows).map(AnyCloud::Made),
+            },
             _ => PyCloud::made(any, name, normals, bad_rows).map(AnyCloud::Made),
         }
     }

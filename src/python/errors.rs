@@ -84,7 +84,7 @@ pub(super) fn about(argument: &str, error: Failure) -> PyErr {
 fn worded(error: &Failure, message: String) -> PyErr {
     match error {
         Failure::TooFewPoints { .. } => TooFewPointsError::new_err(message),
-        Failure::NoWeight => NoWeightError::new_err(message),
+        Failure::NoWeight { .. } => NoWeightError::new_err(message),
         Failure::Degenerate { .. } => DegenerateError::new_err(message),
         Failure::NonFinite { .. } => NonFiniteError::new_err(message),
         Failure::Shape { .. } => ShapeError::new_err(message),

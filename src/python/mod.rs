@@ -50,7 +50,7 @@ mod _native {
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
-    use super::registration::{evaluate, judge, register, settings};
+    use super::registration::{evaluate, judge, register, rotation_vector, settings};
     #[pymodule_export]
     use super::weights::{check_kernel, kernel_weights};
 

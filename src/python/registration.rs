@@ -92,7 +92,7 @@ fn begin(
             teaser.register_matches(source, target, matches)
         }
         (method, Given { initial: Some(initial), .. }) => match method.as_refinement() {
-            Some(refinement) => refinement.refine(source, target, initial),
+            Some(refinement) => method.advised(refinement.refine(source, target, initial)),
             None => {
                 let rule = "starts from no pose: leave it out";
                 Err(Error::config("initial", method.name(), rule))
@@ -164,6 +164,22 @@ pub(super) fn judge(
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
     to_json(&released(py, || judge.judge(source, target, &transform))?)
+}
+
+/// The vector, in radians, of a rotation (3, 3).
+#[pyfunction]
+pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<[f64; 3]> {
+    let refuse = |error| about("rotation", error);
+    let turn =
+        Transform::from_matrix(Transform::rigid(matrix, [0.0; 3]).matrix()).map_err(refuse)?;
+    if turn.scale != 1.0 {
+        return Err(refuse(Error::config(
+            "rotation",
+            turn.scale,
+            "must be a rotation, without a scale",
+        )));
+    }
+    Ok(turn.rotation_vector())
 }
 
 pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {

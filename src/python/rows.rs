@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{as_array, interop};
-use super::errors::{ShapeError, exception};
+use super::errors::{Error, ShapeError, exception};
 use crate::cloud::{Channels, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
@@ -42,7 +42,9 @@ impl Rows {
 
     /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
     pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
-        let column = as_array(any, name)?.call_method1("astype", ("float64",))?;
+        let array = as_array(any, name)?;
+        let refused = |_| Error::new_err(format!("{name}: must be numbers, one a point"));
+        let column = array.call_method1("astype", ("float64",)).map_err(refused)?;
         let shape: Vec<usize> = column.getattr("shape")?.extract()?;
         if shape != [self.number] {
             let (expected, found) = (self.number, column.getattr("shape")?);

@@ -61,7 +61,12 @@ impl Serialize for Evaluation {
 /// Those of [`search::resolution`].
 pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
     let [source, target] = par::both([source, target], |cloud| search::resolution(cloud.points()))?;
-    Ok(DISTANCE_IN_RESOLUTIONS * (source * scale).max(target))
+    Ok(distance_of_resolutions(source, target, scale))
+}
+
+/// The [`default_distance`] of clouds whose resolutions are known.
+pub(crate) fn distance_of_resolutions(source: f64, target: f64, scale: f64) -> f64 {
+    DISTANCE_IN_RESOLUTIONS * (source * scale).max(target)
 }
 
 /// Compares `source` moved by `transform` with `target`.

@@ -13,6 +13,7 @@ pub use doubt::{
     Doubt, FLAT, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION, MIN_KEYPOINTS, MIN_SINGULAR_VALUE,
     doubts,
 };
+pub(crate) use evaluate::distance_of_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use judge::{Judgement, judge};
 pub use truth::{TruthError, truth_error};

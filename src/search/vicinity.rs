@@ -15,6 +15,11 @@ pub struct Vicinity {
 }
 
 impl Vicinity {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.bits[..])
+    }
+
     /// Of `points`, as far as `reach` above 0, the side of the cubes.
     pub fn new(points: &[[f32; 3]], reach: f64) -> Self {
         let fold = |pick: fn(f32, f32) -> f32, from: f32| {

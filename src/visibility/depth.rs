@@ -1,8 +1,6 @@
 //! The depth image of a scan: what is nearest in each direction from the viewpoint.
 
-use std::collections::HashMap;
-
-use super::{Pixel, median, note};
+use super::{Nearest, Pixel, median, note};
 use crate::math::{self, Vec3};
 
 /// How far a sensor saw in each direction.
@@ -10,10 +8,15 @@ pub struct DepthImage {
     viewpoint: Vec3,
     /// Width of a pixel, as the tangent of an angle.
     side: f64,
-    nearest: HashMap<Pixel, f32>,
+    nearest: Nearest<f32>,
 }
 
 impl DepthImage {
+    /// Bytes that it takes, about.
+    pub(crate) fn bytes(&self) -> usize {
+        self.nearest.capacity() * (size_of::<(Pixel, f32)>() + 1)
+    }
+
     /// The image of `points` from `viewpoint`; a pixel is as wide as `spacing` at the median
     /// distance. `None` where the viewpoint is in the middle of the points, in one place with
     /// most of them.
@@ -28,7 +31,7 @@ impl DepthImage {
         if !(1e-8..1.0).contains(&side) {
             return None;
         }
-        let mut nearest = HashMap::new();
+        let mut nearest = Nearest::default();
         for ray in rays {
             let depth = math::norm(ray) as f32;
             if depth > 0.0 {

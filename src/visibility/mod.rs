@@ -12,7 +12,7 @@ pub use depth::DepthImage;
 pub use range_limit::RangeLimit;
 pub use viewpoint::{Side, Sight, Viewpoints};
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use crate::math::Vec3;
 
@@ -61,8 +61,11 @@ fn median(mut distances: Vec<f64>) -> Option<f64> {
     Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
+/// The distance of what is nearest in each pixel.
+type Nearest<D> = FxHashMap<Pixel, D>;
+
 /// Notes that something is at `distance` in `pixel`, of which the nearest is kept.
-fn note<D: Copy + PartialOrd>(nearest: &mut HashMap<Pixel, D>, pixel: Pixel, distance: D) {
+fn note<D: Copy + PartialOrd>(nearest: &mut Nearest<D>, pixel: Pixel, distance: D) {
     let seen = nearest.entry(pixel).or_insert(distance);
     if distance < *seen {
         *seen = distance;

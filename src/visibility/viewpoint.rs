@@ -4,9 +4,7 @@
 //! another place both happen. That leaves two places open for a shell: an object seen from
 //! outside looks like a hollow seen from within. [`Viewpoints::find`] gives the best of each.
 
-use std::collections::HashMap;
-
-use super::{Pixel, directions, median, note};
+use super::{Nearest, Pixel, directions, median, note};
 use crate::math::{self, Vec3};
 use crate::par;
 
@@ -56,10 +54,10 @@ impl Sight<'_> {
     /// What speaks against `viewpoint`, 0 (nothing) to some 3: the share of points that others
     /// hide, half the share seen at a grazing angle, twice the share within three spacings.
     pub fn implausible(&self, viewpoint: Vec3) -> f64 {
-        self.cost(viewpoint, &mut HashMap::new())
+        self.cost(viewpoint, &mut Nearest::default())
     }
 
-    fn cost(&self, viewpoint: Vec3, nearest: &mut HashMap<Pixel, f64>) -> f64 {
+    fn cost(&self, viewpoint: Vec3, nearest: &mut Nearest<f64>) -> f64 {
         nearest.clear();
         let n = self.points.len();
         let ray = |point: &[f32; 3]| math::sub(point.map(f64::from), viewpoint);
@@ -125,10 +123,11 @@ impl Viewpoints {
                 .map(move |d| math::add(center, math::scaled(d, distance * radius)))
         });
         let places: Vec<Vec3> = std::iter::once(center).chain(shells).collect();
-        let judged = |nearest: &mut HashMap<_, _>, at: Vec3| (at, sight.cost(at, nearest));
-        let mut all = par::map(places.len(), HashMap::new, |nearest, i| judged(nearest, places[i]));
+        let judged = |nearest: &mut Nearest<f64>, at: Vec3| (at, sight.cost(at, nearest));
+        let mut all =
+            par::map(places.len(), Nearest::default, |nearest, i| judged(nearest, places[i]));
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let better = par::map(all.len().min(REFINED), HashMap::new, |nearest, i| {
+        let better = par::map(all.len().min(REFINED), Nearest::default, |nearest, i| {
             descend(all[i], center, radius, |at| judged(nearest, at))
         });
         all.extend(better);

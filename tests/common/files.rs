@@ -1,9 +1,13 @@
 //! Files in every encoding, made without the code under test.
 
 use std::fmt::Write;
+use std::fs;
 use std::io::Cursor;
+use std::path::PathBuf;
 
+use cfreg::{PointCloud, io};
 use pcd_rs::{DataKind, DynRecord, DynWriter, Field, Schema, ValueKind, WriterInit};
+use tempfile::{TempDir, tempdir};
 
 type Point = [f64; 3];
 
@@ -111,4 +115,18 @@ fn pcd(data_kind: DataKind, names: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
     }
     writer.finish().unwrap();
     file
+}
+
+/// A file of this content in a folder that goes with the returned guard.
+pub fn file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, content).unwrap();
+    (folder, path)
+}
+
+/// The cloud that a file of this content is.
+pub fn read(name: &str, content: impl AsRef<[u8]>) -> PointCloud {
+    let (_folder, path) = file(name, content);
+    io::read(path).unwrap()
 }

@@ -44,6 +44,19 @@ class Priors(unittest.TestCase):
             {"vector": [0, 0, 0.1], "within_deg": 2},
         )
 
+    def test_a_rotation_may_be_a_matrix(self):
+        by = [cfreg.Prior(rotation=r) for r in ((0, 0, 0.3), turn((0, 0, 1), 0.3), turn((0, 0, 1), 0.3).tolist())]
+        found = [cfreg.ICP(prior=prior).register(self.source, self.target).transform for prior in by]
+        np.testing.assert_allclose(found[0][:3, :3], turn((0, 0, 1), 0.3), atol=1e-12)
+        for other in found[1:]:
+            np.testing.assert_allclose(other, found[0], atol=1e-12)
+        for bad in (np.eye(4), 2 * np.eye(3), -np.eye(3), np.full((3, 3), np.nan), "x", [[1, 2], [3]], 7):
+            with self.assertRaisesRegex(cfreg.Error, "rotation"):
+                cfreg.ICP(prior=cfreg.Prior(rotation=bad))
+        for field in ("direction", "scale"):
+            with self.assertRaisesRegex(cfreg.Error, f"prior.{field} = .*must be"):
+                cfreg.CF(prior=cfreg.Prior(**{field: (1, 2, 3, 4)}))
+
     def test_what_is_no_prior_is_refused(self):
         for bad in (
             cfreg.Prior(direction=(0, 0, 0)),

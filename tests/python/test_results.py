@@ -3,7 +3,9 @@
 import json
 import math
 import pickle
+import tempfile
 import unittest
+from pathlib import Path
 
 import cfreg
 import numpy as np
@@ -51,6 +53,22 @@ class Registration(unittest.TestCase):
         np.testing.assert_allclose(told.runner_up.transform[:3, :3], self.truth[:3, :3], atol=0.1)
         with self.assertRaisesRegex(cfreg.SettingError, "seeds"):
             cfreg.judge(source, target, np.eye(4), seeds=0)
+        with self.assertRaisesRegex(cfreg.SettingError, "method = 'cf': poses are judged by consensus"):
+            cfreg.judge(source, target, np.eye(4), method="cf")
+
+    def test_files_are_clouds(self):
+        source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
+        with tempfile.TemporaryDirectory() as folder:
+            files = [Path(folder, "source.ply"), str(Path(folder, "target.pcd"))]
+            for file, points in zip(files, (source, target)):
+                cfreg.write(file, points)
+            clouds = [cfreg.read(file) for file in files]
+            found = cfreg.register(*files)
+            np.testing.assert_array_equal(found.transform, cfreg.register(*clouds).transform)
+            self.assertEqual(cfreg.judge(*files, found), cfreg.judge(*clouds, found))
+            self.assertEqual(cfreg.evaluate(*files, found), cfreg.evaluate(*clouds, found))
+            with self.assertRaises(FileNotFoundError):
+                cfreg.judge(Path(folder, "none.ply"), target, found)
 
     def test_doubts_have_words_and_numbers(self):
         self.assertFalse(self.wrong.trusted)

@@ -97,8 +97,8 @@ def register(
     Parameters
     ----------
     source, target : PointCloud, (N, 3) numbers in any unit, an array with any strides or a
-        list of rows, or a cloud of Open3D, trimesh, pyvista or small_gicp. Rows that are not
-        finite are left out and counted
+        list of rows, a cloud of Open3D, trimesh, pyvista or small_gicp, or the path of a file.
+        Rows that are not finite are left out and counted
     method : "consensus" (for scans that overlap in part), "cf" (the paper's full connection),
         "cf-multiscale" (with the sharpest weights), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
         "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made

@@ -33,8 +33,8 @@ class Method:
     def register(self, source: Any, target: Any, *, refine: Refinements = ()) -> Registration:
         """Find the pose of the source in the frame of the target.
 
-        source, target : PointCloud, (N, 3) numbers, or whatever else PointCloud takes, in the
-            same unit
+        source, target : PointCloud, (N, 3) numbers, or whatever else PointCloud takes, or the path
+            of a file, in the same unit
         refine : methods that start from a pose, by name or made, one after the other
 
         Raises RegistrationError where the clouds do not determine an answer; an answer that

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,4 +77,9 @@ def judge(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -
     >>> cfreg.judge(cloud, cloud + [3, 4, 5], np.eye(4)).decision
     'reject'
     """
+    fields = [field.name for field in dataclasses.fields(Consensus)]
+    for name, value in settings.items():
+        if name not in fields:
+            rule = f"poses are judged by consensus, which has no such setting; it has {', '.join(fields)}"
+            raise _native.SettingError(f"{name} = {value!r}: {rule}")
     return Consensus(**settings).judge(source, target, transform)

@@ -118,6 +118,13 @@ impl PointCloud {
         self.points.len()
     }
 
+    /// Bytes that it takes, about.
+    pub(crate) fn bytes(&self) -> usize {
+        let triples = 1 + usize::from(self.normals.is_some());
+        let single = usize::from(self.weights.is_some()) + self.channels.names().len();
+        self.len() * 4 * (3 * triples + single)
+    }
+
     /// Whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()

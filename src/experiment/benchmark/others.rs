@@ -16,8 +16,14 @@ struct Answer {
     accepted: bool,
 }
 
-/// Poses that other programs found, by source and target.
-pub struct Poses(HashMap<[PathBuf; 2], Vec<Answer>>);
+/// Poses that other programs found.
+#[derive(Default)]
+pub struct Poses {
+    /// By source and target.
+    found: HashMap<[PathBuf; 2], Vec<Answer>>,
+    /// Names of the programs, as they come.
+    methods: Vec<String>,
+}
 
 impl Poses {
     /// Reads poses of pairs that are `listed`.
@@ -34,7 +40,7 @@ impl Poses {
         let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
         let listed: HashSet<[&Path; 2]> =
             listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
-        let mut poses = Poses(HashMap::new());
+        let mut poses = Poses::default();
         let (mut rows, mut strangers, mut first) = (0, 0, None);
         for row in Table::read(path, &text)? {
             let row = row?;
@@ -42,7 +48,11 @@ impl Poses {
             let key = names.map(|name| folder.join(name));
             rows += 1;
             if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
-                poses.0.entry(key).or_default().push(Answer::of(&row)?);
+                let answer = Answer::of(&row)?;
+                if !poses.methods.contains(&answer.method) {
+                    poses.methods.push(answer.method.clone());
+                }
+                poses.found.entry(key).or_default().push(answer);
             } else {
                 strangers += 1;
                 first.get_or_insert(row);
@@ -57,21 +67,33 @@ impl Poses {
         )))
     }
 
+    /// Those of `pairs` for which a program has no row, by its name, where there are any.
+    pub fn missing(&self, pairs: &[Pair]) -> Vec<(&str, usize)> {
+        let number = |method: &&str| pairs.iter().filter(|pair| !self.has(pair, method)).count();
+        let all = self.methods.iter().map(String::as_str);
+        all.map(|method| (method, number(&method))).filter(|(_, missing)| *missing > 0).collect()
+    }
+
+    fn of(&self, pair: &Pair) -> &[Answer] {
+        self.found.get(&[pair.source.clone(), pair.target.clone()]).map_or(&[], Vec::as_slice)
+    }
+
+    fn has(&self, pair: &Pair, method: &str) -> bool {
+        self.of(pair).iter().any(|answer| answer.method == method)
+    }
+
     /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
-    /// be among them.
+    /// be among them. A pair of which a program has no row is one that it failed on.
     ///
     /// # Errors
     /// Those of reading clouds.
     pub fn judge(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
         let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
         for pair in pairs {
-            let Some(found) = self.0.get(&[pair.source.clone(), pair.target.clone()]) else {
-                continue;
-            };
             let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
             let rule =
                 settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
-            for answer in found {
+            for answer in self.of(pair) {
                 let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
                 row.accepted = answer.accepted;
                 match &answer.pose {
@@ -79,6 +101,10 @@ impl Poses {
                     None => row.error = "no pose".into(),
                 }
                 rows.push(row);
+            }
+            for method in self.methods.iter().filter(|method| !self.has(pair, method)) {
+                let row = Row::new(pair, method, rule, f64::NAN);
+                rows.push(Row { error: "no row among the poses".into(), ..row });
             }
         }
         Ok(rows)
@@ -126,8 +152,15 @@ mod tests {
                 format!("method,source,target,{},seconds,accepted\n{rows}", titles.join(","));
             std::fs::write(at("poses.csv"), text).unwrap();
             let pairs = [pair.clone(), unjudged.clone()];
-            Poses::read(&at("poses.csv"), folder.path(), &pairs)?
-                .judge(&pairs[..1], Settings::default())
+            let poses = Poses::read(&at("poses.csv"), folder.path(), &pairs)?;
+            // Whoever has no row of a pair has failed on it.
+            assert_eq!(poses.missing(&pairs[..1]), []);
+            let all = poses.judge(&pairs, Settings::default())?;
+            let failed = |row: &&Row| row.error == "no row among the poses";
+            let failed: Vec<_> = all.iter().filter(failed).map(|row| row.method.as_str()).collect();
+            assert_eq!(failed, ["far", "none"]);
+            assert_eq!(poses.missing(&pairs), [("far", 1), ("none", 1)]);
+            poses.judge(&pairs[..1], Settings::default())
         };
         let rows = write(
             "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\

@@ -90,7 +90,11 @@ fn recall(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
         let values: Vec<f64> = right.clone().filter_map(|row| of(row)).collect();
         values.iter().sum::<f64>() / values.len() as f64
     };
+    // Of a pair that a program has no row of nobody knows them.
     let mut seconds: Vec<f64> = rows.iter().map(|row| row.seconds).collect();
+    if seconds.iter().any(|seconds| seconds.is_finite()) {
+        seconds.retain(|seconds| seconds.is_finite());
+    }
     seconds.sort_by(f64::total_cmp);
     let failed = rows.iter().filter(|row| !row.error.is_empty()).count();
     let _ = writeln!(

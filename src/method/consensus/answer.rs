@@ -15,8 +15,8 @@ impl Search<'_> {
         let covariance = times.time("covariance", || self.covariance(&settled.pose));
         let verdict = self.verdict(&settled.pose, self.evidence, covariance);
         let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
-            dropped: scan.whole().dropped(),
-            used: scan.whole().len(),
+            dropped: scan.whole().cloud().dropped(),
+            used: scan.whole().cloud().len(),
             keypoints: None,
             described: surface.len(),
             neighbors: Some(scan.neighbors()),
@@ -37,7 +37,8 @@ impl Search<'_> {
             doubts: Doubt::of_verdict(&verdict),
             config: Method::Consensus(self.config),
         };
-        let concluded = Registration::conclude(found, source.whole(), target.whole())?;
+        let concluded =
+            Registration::conclude(found, source.whole().cached(), target.whole().cached())?;
         Ok(Registration { verdict: Some(verdict), ..concluded })
     }
 }

@@ -1,5 +1,7 @@
 //! One way to see both clouds, and the poses that come of it.
 
+use std::sync::Arc;
+
 use super::evidence::Evidence;
 use super::hypotheses::Matches;
 use super::scan::{REACH, Scan, Surface, View, squared_distance};
@@ -31,10 +33,16 @@ pub(super) struct Candidate {
 
 /// One way to see both clouds, and what came of it.
 pub(super) struct Attempt {
-    pub(super) surfaces: [Surface; 2],
+    pub(super) surfaces: [Arc<Surface>; 2],
     pub(super) matches: Matches,
     /// Most probable first; may be empty.
     pub(super) candidates: Vec<Candidate>,
+}
+
+impl Attempt {
+    pub(super) fn ends(&self) -> [&Surface; 2] {
+        self.surfaces.each_ref().map(|surface| &**surface)
+    }
 }
 
 impl Consensus {
@@ -103,7 +111,7 @@ impl Consensus {
                 distinct.push(hypothesis.pose);
             }
         }
-        let ends = [&source, &target];
+        let ends = [&*source, &*target];
         let judged = |pose: Transform, most| Candidate {
             pose,
             evidence: Evidence::of(ends, &matches, &pose, most),
@@ -132,7 +140,7 @@ impl Consensus {
 }
 
 /// Pairs of points that are each other's most alike, the most alike first where there are many.
-fn matched([source, target]: &[Surface; 2], length: f64) -> Result<Matches> {
+fn matched([source, target]: &[Arc<Surface>; 2], length: f64) -> Result<Matches> {
     let connection = FullConnection::new(source.described(), target.described())?;
     let mut pairs = connection.mutual();
     if pairs.len() < FEW {

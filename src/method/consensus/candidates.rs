@@ -52,7 +52,7 @@ impl Consensus {
     pub fn candidates(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<Judged>> {
         par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.search(source, target, times)?;
+            let search = self.search(source.into(), target.into(), times)?;
             let pose = search.found();
             let search = search.without_carriers(&pose, times);
             let mut judged = Vec::new();

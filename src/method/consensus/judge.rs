@@ -7,7 +7,7 @@ use super::scan::REACH;
 use super::settle::settle;
 use super::standing::Standing;
 use super::{
-    ANSWER, Attempt, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
+    ANSWER, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -55,7 +55,7 @@ impl Consensus {
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.search(&scaled, target, times)?;
+            let search = self.search((&*scaled).into(), target.into(), times)?;
             Ok::<_, Error>(search.without_carriers(&rigid, times).verdict_on(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {
@@ -68,8 +68,9 @@ impl Consensus {
 impl Search<'_> {
     /// On a pose between the clouds' own frames.
     fn verdict_on(&self, pose: &Transform) -> Verdict {
-        let Attempt { surfaces, matches, .. } = &self.attempts[self.best];
-        let (ends, corners) = (surfaces.each_ref(), corners(&surfaces[0]));
+        let best = &self.attempts[self.best];
+        let (ends, matches) = (best.ends(), &best.matches);
+        let corners = corners(ends[0]);
         let pose = local(pose, ends[0], ends[1]);
         let settled = settle(ends, &pose, REACH * self.length, ANSWER, &self.config.prior).pose;
         let away = apart(&settled, &pose, &corners);
@@ -109,13 +110,13 @@ impl Search<'_> {
             reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
         }
         for (scan, name) in self.scans.iter().zip(["source", "target"]) {
-            if let Some(limit) = scan.limit() {
+            if let Some(limit) = scan.whole().limit() {
                 let (points, range) = (limit.points, limit.range);
                 let rest = "at the limit of its sensor's range, are left out";
                 reasons.push(format!("{points} points of the {name} {range:.1} away, {rest}"));
             }
-            if scan.nearest() > 0.0 {
-                let nearest = scan.nearest();
+            if scan.whole().nearest() > 0.0 {
+                let nearest = scan.whole().nearest();
                 reasons.push(format!(
                     "what of the {name} is within {nearest:.3e} of its sensor, and may travel \
                      with it, is left out: sensor lies on sensor"

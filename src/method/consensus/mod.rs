@@ -21,10 +21,9 @@ use self::scan::{REACH, Scan, Surface, View};
 use self::settle::{Effort, Settled, settle};
 use self::whole::Whole;
 use super::registration::Timings;
-use super::{Channel, Register, Registration};
+use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::filter;
 use crate::math::{self, Vec3};
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
@@ -150,12 +149,11 @@ impl Consensus {
     }
 
     /// The length that all others follow from.
-    fn length(&self, source: &PointCloud, target: &PointCloud) -> Result<f64> {
+    fn length(&self, ends: [&Whole<'_>; 2]) -> Result<f64> {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let side = |cloud: &PointCloud| filter::voxel_side(cloud, POINTS);
-        let [source, target] = par::both([source, target], side)?;
+        let [source, target] = par::both(ends, |whole| whole.voxel_side(POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
@@ -164,7 +162,7 @@ impl Consensus {
         Ok(side)
     }
 
-    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+    fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let mut times = Timings::default();
         let search = self.search(source, target, &mut times)?;
         let pose = search.found();
@@ -173,18 +171,18 @@ impl Consensus {
 
     fn search<'a>(
         &self,
-        source: &'a PointCloud,
-        target: &'a PointCloud,
+        source: Cached<'a>,
+        target: Cached<'a>,
         times: &mut Timings,
     ) -> Result<Search<'a>> {
         self.validate()?;
-        for (cloud, what) in [(source, "the source"), (target, "the target")] {
-            if cloud.len() < 3 {
-                let found = cloud.len();
+        for (end, what) in [(source, "the source"), (target, "the target")] {
+            if end.cloud.len() < 3 {
+                let found = end.cloud.len();
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let whole = |cloud| Ok(Whole::of(cloud, self.range_limit));
+        let whole = |end| Whole::of(end, self.range_limit);
         let clouds = times.time("range limit", || par::both([source, target], whole))?;
         self.search_in(clouds, times)
     }
@@ -194,7 +192,7 @@ impl Consensus {
         [source, target]: [Whole<'a>; 2],
         times: &mut Timings,
     ) -> Result<Search<'a>> {
-        let length = times.time("thin", || self.length(&source.cloud, &target.cloud))?;
+        let length = times.time("thin", || self.length([&source, &target]))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
@@ -212,9 +210,9 @@ impl Consensus {
         let Some((best, at, first)) =
             best.and_then(|(best, at)| Some((best, at, at.candidates.first()?)))
         else {
-            return Err(Error::NoWeight);
+            return Err(Error::NO_WEIGHT);
         };
-        let ends = at.surfaces.each_ref();
+        let ends = at.ends();
         let settled =
             times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
         let evidence = Evidence::of(ends, &at.matches, &settled.pose, LOOK.most);
@@ -277,6 +275,10 @@ fn local(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
 
 impl Register for Consensus {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || self.run(source, target))?
     }
 }

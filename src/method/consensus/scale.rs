@@ -35,7 +35,7 @@ impl Search<'_> {
     /// The scale that the surfaces settle on from `pose` if they may, where that is another.
     pub(super) fn other_scale(&self, pose: &Transform, evidence: &Evidence) -> Option<OtherScale> {
         let best = &self.attempts[self.best];
-        let ends = best.surfaces.each_ref();
+        let ends = best.ends();
         let scaled = settle(ends, pose, REACH * self.length)?;
         let overlap = Evidence::of(ends, &best.matches, &scaled, LOOK.most).overlap;
         let other = (scaled.scale - 1.0).abs() > NEAR && overlap > evidence.overlap + GAIN;

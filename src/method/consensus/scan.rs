@@ -9,11 +9,12 @@ use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
+use crate::method::cache::{Cache, Keep};
 use crate::method::channels::{Channel, Compared, joined, values_of};
 use crate::moments::Described;
 use crate::normals::{self, Orientation, OrientedBy};
 use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, Vicinity};
-use crate::visibility::{DepthImage, RangeLimit, Sight, Viewpoints};
+use crate::visibility::{DepthImage, Sight, Viewpoints};
 
 /// Distance within which surfaces lie on each other, in lengths.
 pub(super) const REACH: f64 = 1.5;
@@ -29,13 +30,27 @@ const SIGHTED: usize = 1500;
 /// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
 const PLAUSIBLE: f64 = 0.2;
+
 /// What is nearer to a sensor than this share of the median may travel with it.
 const CARRIER: f64 = 0.5;
 
-/// A cloud thinned to one length.
+/// Keys of what is made of a cloud alone, and at a length.
+#[derive(PartialEq)]
+struct Thinned(f64, Vec<Channel>);
+#[derive(PartialEq)]
+struct GuessedFrom;
+#[derive(PartialEq)]
+struct SeenFrom(Vec3);
+
+/// A cloud, and what it is thinned to one length.
 pub(super) struct Scan<'a> {
     whole: Whole<'a>,
-    thin: PointCloud,
+    thin: Arc<Thin>,
+}
+
+/// A cloud thinned to one length.
+struct Thin {
+    cloud: PointCloud,
     /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
     weights: Option<Vec<f32>>,
     /// Values by which points are compared too, channel by channel.
@@ -45,7 +60,8 @@ pub(super) struct Scan<'a> {
     normals: Vec<[f32; 3]>,
     length: f64,
     glance: OnceLock<Glance>,
-    seen: OnceLock<Option<Arc<DepthImage>>>,
+    /// Of surfaces, by the place that they are seen from.
+    cache: Cache,
 }
 
 /// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
@@ -70,6 +86,7 @@ pub(super) enum View {
 }
 
 /// A scan seen from a place. Positions are about `origin`.
+#[derive(Clone)]
 pub(super) struct Surface {
     pub(super) points: Vec<[f32; 3]>,
     pub(super) origin: Vec3,
@@ -80,8 +97,8 @@ pub(super) struct Surface {
     channels: Vec<Vec<f32>>,
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
-    tree: SearchTree,
-    vicinity: Vicinity,
+    tree: Arc<SearchTree>,
+    vicinity: Arc<Vicinity>,
     pub(super) seen: Option<Arc<DepthImage>>,
     pub(super) oriented_by: OrientedBy,
 }
@@ -95,7 +112,107 @@ impl<'a> Scan<'a> {
         channels: &[Channel],
         name: &str,
     ) -> Result<Self> {
-        let cloud = whole.cloud.as_ref();
+        let make = || Thin::of(whole.cloud(), length, channels, name);
+        let thin = whole.cached().get(Thinned(length, channels.to_vec()), make)?;
+        Ok(Scan { whole, thin })
+    }
+
+    pub(super) fn whole(&self) -> &Whole<'a> {
+        &self.whole
+    }
+
+    pub(super) fn neighbors(&self) -> usize {
+        NEIGHBORS.min(self.thin.cloud.len())
+    }
+
+    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
+    /// that is plausible, the origin of its frame.
+    pub(super) fn sensor(&self) -> Result<Option<View>> {
+        let whole = self.whole.cloud();
+        if let Some(at) = whole.viewpoint() {
+            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
+        }
+        if let Some(limit) = self.whole.limit() {
+            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
+        }
+        let origin = whole.frame_origin();
+        let local = math::sub(origin, self.thin.cloud.origin());
+        let against = self.thin.glance()?.sight().implausible(local);
+        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
+    }
+
+    /// The places from which it may have been seen, by its shape alone.
+    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
+        let guesses = self.thin.cache.get(GuessedFrom, || {
+            let glance = self.thin.glance()?;
+            Ok(Guesses(Viewpoints::find(glance.sight(), &glance.toward)))
+        })?;
+        let Viewpoints { outside, inside } = guesses.0;
+        Ok([outside, inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+    }
+
+    /// The scan seen from `view`, described.
+    pub(super) fn surface(&self, view: View) -> Result<Arc<Surface>> {
+        let seen = self.seen(view)?;
+        self.thin.cache.get(view, || self.thin.surface(view, seen))
+    }
+
+    /// What the sensor saw from the place that `view` gives it or, where that gives none, from
+    /// the one that returns at its limit lie about: what a file says may be wrong.
+    fn seen(&self, view: View) -> Result<Option<Arc<DepthImage>>> {
+        let at = match (view, self.whole.limit()) {
+            (View::Sensor(at, _), _) => at,
+            (View::Guess(_) | View::Outward, Some(limit)) => limit.viewpoint,
+            (View::Guess(_) | View::Outward, None) => return Ok(None),
+        };
+        let (origin, length) = (self.thin.cloud.origin(), self.thin.length);
+        let image = || {
+            let local = self.whole.cloud().positions().map(|p| math::sub(p, origin));
+            Ok(Seen(DepthImage::new(local, math::sub(at, origin), length).map(Arc::new)))
+        };
+        self.thin.cache.get(SeenFrom(at), image).map(|seen| seen.0.clone())
+    }
+
+    /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
+    /// a share of the median of its surfaces.
+    pub(super) fn without_carrier(&self, place: Vec3) -> Whole<'a> {
+        let distance = |p: Vec3| math::norm(math::sub(p, place));
+        let mut distances: Vec<f64> = self.thin.cloud.positions().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        self.whole.beyond(place, CARRIER * distances[distances.len() / 2])
+    }
+}
+
+/// What a sensor saw, if that tells something.
+struct Seen(Option<Arc<DepthImage>>);
+
+impl Keep for Seen {
+    fn bytes(&self) -> usize {
+        self.0.as_ref().map_or(0, |image| image.bytes())
+    }
+}
+
+/// What was guessed of the viewpoint.
+struct Guesses(Viewpoints);
+
+impl Keep for Guesses {
+    fn bytes(&self) -> usize {
+        size_of::<Viewpoints>()
+    }
+}
+
+impl Keep for Thin {
+    fn bytes(&self) -> usize {
+        let single = self.channels.len() + usize::from(self.weights.is_some());
+        // Places of neighbours, and of their rows.
+        let near = self.neighbors.len() * 4 * (NEIGHBORS + 4);
+        let own = self.cloud.bytes() + self.cloud.len() * 4 * (3 + single) + near;
+        own + self.glance.get().map_or(0, Glance::bytes) + self.cache.bytes()
+    }
+}
+
+impl Thin {
+    fn of(cloud: &PointCloud, length: f64, channels: &[Channel], name: &str) -> Result<Self> {
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
@@ -118,72 +235,8 @@ impl<'a> Scan<'a> {
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
-        let (glance, seen) = (OnceLock::new(), OnceLock::new());
-        Ok(Scan { whole, thin, weights, channels, neighbors, normals, length, glance, seen })
-    }
-
-    pub(super) fn whole(&self) -> &PointCloud {
-        &self.whole.cloud
-    }
-
-    /// Where returns at the limit of the sensor's range were, which are left out.
-    pub(super) fn limit(&self) -> Option<&RangeLimit> {
-        self.whole.limit.as_ref()
-    }
-
-    /// Distance from the sensor below which all is left out; 0 for nothing.
-    pub(super) fn nearest(&self) -> f64 {
-        self.whole.nearest
-    }
-
-    pub(super) fn neighbors(&self) -> usize {
-        NEIGHBORS.min(self.thin.len())
-    }
-
-    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
-    /// that is plausible, the origin of its frame.
-    pub(super) fn sensor(&self) -> Result<Option<View>> {
-        if let Some(at) = self.whole().viewpoint() {
-            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
-        }
-        if let Some(limit) = self.limit() {
-            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
-        }
-        let origin = self.whole().frame_origin();
-        let local = math::sub(origin, self.thin.origin());
-        let against = self.glance()?.sight().implausible(local);
-        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
-    }
-
-    /// What the sensor saw from the place that `view` gives it or, where that gives none, from
-    /// the one that returns at its limit lie about: what a file says may be wrong.
-    fn seen(&self, view: View) -> Option<Arc<DepthImage>> {
-        let at = match view {
-            View::Sensor(at, _) => at,
-            View::Guess(_) | View::Outward => self.limit()?.viewpoint,
-        };
-        let image = || {
-            let origin = self.thin.origin();
-            let local = self.whole().positions().map(|p| math::sub(p, origin));
-            DepthImage::new(local, math::sub(at, origin), self.length).map(Arc::new)
-        };
-        self.seen.get_or_init(image).clone()
-    }
-
-    /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
-    /// a share of the median of its surfaces.
-    pub(super) fn without_carrier(&self, place: Vec3) -> Whole<'static> {
-        let distance = |p: Vec3| math::norm(math::sub(p, place));
-        let mut distances: Vec<f64> = self.thin.positions().map(distance).collect();
-        distances.sort_by(f64::total_cmp);
-        self.whole.beyond(place, CARRIER * distances[distances.len() / 2])
-    }
-
-    /// The places from which it may have been seen, by its shape alone.
-    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
-        let glance = self.glance()?;
-        let found = Viewpoints::find(glance.sight(), &glance.toward);
-        Ok([found.outside, found.inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+        let (glance, cache) = (OnceLock::new(), Cache::default());
+        Ok(Thin { cloud: thin, weights, channels, neighbors, normals, length, glance, cache })
     }
 
     /// Some of the points, found when they are first asked for.
@@ -191,13 +244,13 @@ impl<'a> Scan<'a> {
         if let Some(glance) = self.glance.get() {
             return Ok(glance);
         }
-        let found = Glance::at(&self.thin, self.length)?;
+        let found = Glance::at(&self.cloud, self.length)?;
         Ok(self.glance.get_or_init(|| found))
     }
 
-    /// The scan seen from `view`, described.
-    pub(super) fn surface(&self, view: View) -> Result<Surface> {
-        let (points, origin) = (self.thin.points(), self.thin.origin());
+    /// Seen from `view`, described; the sensor has `seen` that.
+    fn surface(&self, view: View, seen: Option<Arc<DepthImage>>) -> Result<Surface> {
+        let (points, origin) = (self.cloud.points(), self.cloud.origin());
         let sight = Sight { points, normals: &self.normals, spacing: self.length };
         let (normals, oriented_by) = match view {
             View::Sensor(at, by) => (sight.towards(math::sub(at, origin)), by),
@@ -214,15 +267,15 @@ impl<'a> Scan<'a> {
         let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
-            tree: SearchTree::new(&points)?,
-            vicinity: Vicinity::new(&points, FARTHEST * self.length),
+            tree: SearchTree::new(&points)?.into(),
+            vicinity: Vicinity::new(&points, FARTHEST * self.length).into(),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
             descriptors: descriptors.select(&defined),
             channels: self.channels.iter().map(|own| at_points(own)).collect(),
             weights: self.weights.as_ref().map(|own| at_points(own)),
-            seen: self.seen(view),
+            seen,
             oriented_by,
         })
     }
@@ -255,6 +308,10 @@ impl Glance {
         })
     }
 
+    fn bytes(&self) -> usize {
+        self.points.len() * (2 * 3 * 4 + 3 * 8)
+    }
+
     fn sight(&self) -> Sight<'_> {
         Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
@@ -263,6 +320,16 @@ impl Glance {
 /// Squared distance of two descriptors.
 pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+impl Keep for Surface {
+    fn bytes(&self) -> usize {
+        let single = self.channels.len() + usize::from(self.weights.is_some());
+        // Points once more, with their numbers, in the tree. What was seen counts by itself.
+        let tree = self.len() * 4 * 4;
+        let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
+        own + tree + self.vicinity.bytes()
+    }
 }
 
 impl Surface {
@@ -291,7 +358,7 @@ impl Surface {
     }
 
     /// Puts the values of `channels` beside the descriptors of both.
-    pub(super) fn compare(sides: &mut [Surface; 2], channels: &[Channel]) -> Result<()> {
+    pub(super) fn compare(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
         if channels.is_empty() {
             return Ok(());
         }
@@ -300,7 +367,8 @@ impl Surface {
             .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
         let joined = joined(channels, HistogramScale::Open3d, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
-            side.descriptors = descriptors;
+            // How much a channel counts follows from both: the one that is kept stays as it is.
+            *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
         }
         Ok(())
     }
@@ -325,11 +393,9 @@ mod tests {
         // As heavy as they lie far to the right: at 29.5 in the mean.
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
-        let surface = |cloud| {
-            Scan::new(Whole::of(cloud, true), 3.0, &[], "it")
-                .unwrap()
-                .surface(View::Outward)
-                .unwrap()
+        let surface = |cloud: &PointCloud| {
+            let whole = Whole::of(cloud.into(), true).unwrap();
+            Scan::new(whole, 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);

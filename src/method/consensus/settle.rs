@@ -166,12 +166,11 @@ mod tests {
         };
         let (source, target) = (bumps(0.0), bumps(0.4));
         let surface = |cloud: &PointCloud| {
-            Scan::new(Whole::of(cloud, true), 1.0, &[], "it")
-                .unwrap()
-                .surface(View::Outward)
-                .unwrap()
+            let whole = Whole::of(cloud.into(), true).unwrap();
+            Scan::new(whole, 1.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
-        let ends = [&surface(&source), &surface(&target)];
+        let (source, target) = (surface(&source), surface(&target));
+        let ends = [&*source, &*target];
         // The identity between the clouds' own frames, in local ones.
         let truth = Transform {
             translation: math::sub(ends[0].origin, ends[1].origin),

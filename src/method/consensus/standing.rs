@@ -63,7 +63,7 @@ impl Search<'_> {
 
     /// How far `pose` may be off, if it is the right one.
     pub(super) fn covariance(&self, pose: &Transform) -> Option<PoseCovariance> {
-        let ends = self.attempts[self.best].surfaces.each_ref();
+        let ends = self.attempts[self.best].ends();
         settle::covariance(ends, pose, REACH * self.length, self.length)
     }
 }

@@ -1,24 +1,89 @@
 //! The surfaces of a cloud: what of it belongs to the place that was scanned.
 
-use std::borrow::Cow;
+use std::sync::Arc;
 
 use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::filter;
 use crate::math::{self, Vec3};
+use crate::method::cache::{Cache, Cached, Keep};
 use crate::visibility::RangeLimit;
 
 /// A cloud but for returns at the limit of its sensor's range and what travels with the sensor.
+#[derive(Clone)]
 pub(super) struct Whole<'a> {
-    pub(super) cloud: Cow<'a, PointCloud>,
-    /// Where the former were, if there were any.
-    pub(super) limit: Option<RangeLimit>,
-    /// Distance from the sensor below which all is left out; 0 for nothing.
-    pub(super) nearest: f64,
+    cloud: &'a PointCloud,
+    part: Arc<Part>,
 }
+
+/// What is left of a cloud.
+struct Part {
+    /// `None`: all of it.
+    cloud: Option<PointCloud>,
+    limit: Option<RangeLimit>,
+    nearest: f64,
+    /// Of what is made of it.
+    cache: Cache,
+}
+
+/// Keys of what is made of a cloud alone.
+#[derive(PartialEq)]
+struct InRange(bool);
+#[derive(PartialEq)]
+struct Side(usize);
 
 impl<'a> Whole<'a> {
     /// Looks, if it is `limited`, for a limit about the sensor's place: what the cloud says or,
     /// where it says nothing, the origin of its frame, or wherever such returns lie about.
-    pub(super) fn of(cloud: &'a PointCloud, limited: bool) -> Self {
+    pub(super) fn of(whole: Cached<'a>, limited: bool) -> Result<Self> {
+        let part = whole.get(InRange(limited), || Ok(Part::within(whole.cloud, limited)))?;
+        Ok(Whole { cloud: whole.cloud, part })
+    }
+
+    pub(super) fn cloud(&self) -> &PointCloud {
+        self.part.cloud.as_ref().unwrap_or(self.cloud)
+    }
+
+    /// Where returns at the limit of the sensor's range were, which are left out.
+    pub(super) fn limit(&self) -> Option<&RangeLimit> {
+        self.part.limit.as_ref()
+    }
+
+    /// Distance from the sensor below which all is left out; 0 for nothing.
+    pub(super) fn nearest(&self) -> f64 {
+        self.part.nearest
+    }
+
+    /// With what was made of it.
+    pub(super) fn cached(&self) -> Cached<'_> {
+        Cached { cloud: self.cloud(), cache: Some(&self.part.cache) }
+    }
+
+    /// [`filter::voxel_side`] of so many points.
+    pub(super) fn voxel_side(&self, points: usize) -> Result<f64> {
+        let side = || filter::voxel_side(self.cloud(), points);
+        self.cached().get(Side(points), side).map(|side| *side)
+    }
+
+    /// What is at least `nearest` away from the sensor at `place`.
+    pub(super) fn beyond(&self, place: Vec3, nearest: f64) -> Self {
+        let cloud = self.cloud();
+        let far = |&i: &usize| math::norm(math::sub(cloud.position(i), place)) >= nearest;
+        let far: Vec<usize> = (0..cloud.len()).filter(far).collect();
+        let cloud = Some(cloud.select(&far));
+        let part = Part { cloud, limit: self.part.limit, nearest, cache: Cache::default() };
+        Whole { cloud: self.cloud, part: part.into() }
+    }
+}
+
+impl Keep for Part {
+    fn bytes(&self) -> usize {
+        self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
+    }
+}
+
+impl Part {
+    fn within(cloud: &PointCloud, limited: bool) -> Self {
         let limit = match cloud.viewpoint() {
             _ if !limited => None,
             Some(at) => RangeLimit::about(cloud, at),
@@ -26,17 +91,7 @@ impl<'a> Whole<'a> {
                 RangeLimit::about(cloud, cloud.frame_origin()).or_else(|| RangeLimit::find(cloud))
             }
         };
-        let cloud = match &limit {
-            Some(limit) => Cow::Owned(limit.within(cloud)),
-            None => Cow::Borrowed(cloud),
-        };
-        Whole { cloud, limit, nearest: 0.0 }
-    }
-
-    /// What is at least `nearest` away from the sensor at `place`.
-    pub(super) fn beyond(&self, place: Vec3, nearest: f64) -> Whole<'static> {
-        let far = |&i: &usize| math::norm(math::sub(self.cloud.position(i), place)) >= nearest;
-        let far: Vec<usize> = (0..self.cloud.len()).filter(far).collect();
-        Whole { cloud: Cow::Owned(self.cloud.select(&far)), limit: self.limit, nearest }
+        let cloud = limit.as_ref().map(|limit| limit.within(cloud));
+        Part { cloud, limit, nearest: 0.0, cache: Cache::default() }
     }
 }

@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn tiles_and_search_are_the_printed_formulas() {
         let (source, target) = clouds();
-        let positions = Positions::new(&source, &target).unwrap();
+        let positions = Positions::new((&source).into(), (&target).into()).unwrap();
         let pose = Transform {
             translation: [0.05, 0.0, -0.1],
             scale: 1.1,
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn what_is_left_out_keeps_its_bound() {
         let (source, target) = clouds();
-        let positions = Positions::new(&source, &target).unwrap();
+        let positions = Positions::new((&source).into(), (&target).into()).unwrap();
         for truncation in [1e-1, 1e-3, 1e-5] {
             let mixture = Mixture::new(&positions, &source, &target, 0.3, truncation);
             for sigma in [0.3, 0.1, 0.03] {

@@ -126,7 +126,7 @@ impl Cpd {
         self.validate()?;
         let (source, target) = (&*source.counting(), &*target.counting());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || Positions::new(source, target))?;
+        let positions = times.time("prepare", || Positions::new(source.into(), target.into()))?;
         let unit = positions.unit();
         let floor = if self.truncation > 0.0 { SIGMA_FLOOR } else { EXACT_SIGMA_FLOOR };
         let first = self.sigma.unwrap_or_else(|| first_sigma(source, target, initial));
@@ -187,7 +187,7 @@ impl Cpd {
             config: Method::Cpd(Cpd { sigma: Some(first), ..self.clone() }),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source, target)
+        Registration::conclude(found, source.into(), target.into())
     }
 }
 

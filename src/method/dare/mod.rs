@@ -213,7 +213,7 @@ impl Dare {
             config: Method::Dare(config),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source, target)
+        Registration::conclude(found, source.into(), target.into())
     }
 
     /// The poses of both clouds in the scene's frame that the M-step gives, `pose` the one

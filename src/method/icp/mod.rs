@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use self::surface::{Connected, Surfaces};
 use super::positions::Positions;
 use super::registration::{Counts, Found, PointCounts, Timings};
-use super::{Method, Refine, Registration, Step, StopReason};
+use super::{Cached, Method, Refine, Registration, Step, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -191,31 +191,29 @@ impl Icp {
     }
 
     /// The settings with the bandwidth filled in where a kernel needs one.
-    fn resolved(&self, source: &PointCloud, target: &PointCloud, scale: f64) -> Result<Icp> {
+    fn resolved(&self, source: Cached<'_>, target: Cached<'_>, scale: f64) -> Result<Icp> {
         let mut config = self.clone();
         if config.bandwidth.is_none() && config.weights != WeightScheme::Uniform {
             // Duplicated points have resolution 0.
-            let found = quality::default_distance(source, target, scale)?;
-            config.bandwidth = Some(found.max(1e-6 * target.diagonal()));
+            let [from, onto] = [source.resolution()?, target.resolution()?];
+            let found = quality::distance_of_resolutions(from, onto, scale);
+            config.bandwidth = Some(found.max(1e-6 * target.cloud.diagonal()));
         }
         Ok(config)
     }
 
-    fn run(
-        &self,
-        source: &PointCloud,
-        target: &PointCloud,
-        initial: &Transform,
-    ) -> Result<Registration> {
+    fn run(&self, ends: [Cached<'_>; 2], initial: &Transform) -> Result<Registration> {
         self.validate()?;
-        let (source, target) = (&*source.counting(), &*target.counting());
+        let counting = ends.map(|end| end.cloud.counting());
+        let ends = [0, 1].map(|k| ends[k].counting(&counting[k]));
+        let [source, target] = ends.map(|end| end.cloud);
         let mut times = Timings::default();
-        let positions = times.time("tree", || Positions::new(source, target))?;
-        let config = self.resolved(source, target, initial.scale)?;
+        let positions = times.time("tree", || Positions::new(ends[0], ends[1]))?;
+        let config = self.resolved(ends[0], ends[1], initial.scale)?;
         let surfaces = match config.metric {
             Metric::Point => None,
             metric => Some(times.time("normals", || {
-                Surfaces::new(metric, source, target, config.surface_neighbors, positions.unit())
+                Surfaces::new(metric, ends, config.surface_neighbors, positions.unit())
             })?),
         };
         let center = source.centroid();
@@ -286,7 +284,7 @@ impl Icp {
             config: Method::Icp(config),
             doubts,
         };
-        Registration::conclude(found, source, target)
+        Registration::conclude(found, ends[0], ends[1])
     }
 }
 
@@ -309,7 +307,16 @@ impl Refine for Icp {
         target: &PointCloud,
         initial: &Transform,
     ) -> Result<Registration> {
-        par::with_threads(self.threads, || self.run(source, target, initial))?
+        self.refine_cached(source.into(), target.into(), initial)
+    }
+
+    fn refine_cached(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+        initial: &Transform,
+    ) -> Result<Registration> {
+        par::with_threads(self.threads, || self.run([source, target], initial))?
     }
 }
 

@@ -4,11 +4,14 @@
 //! M = n nᵀ is point-to-plane (Chen and Medioni 1991), M = (C_q + R C_p Rᵀ)⁻¹ with the
 //! covariances of flat discs is generalized ICP.
 
+use std::sync::Arc;
+
 use super::Metric;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Mat3, Vec3};
+use crate::method::cache::{Cached, Keep};
 use crate::moments::WeightedPair;
 use crate::normals::{self, Orientation};
 use crate::par;
@@ -23,13 +26,26 @@ const BLOCK: usize = 1024;
 /// Normals of the clouds, zero where a neighbourhood has no plane.
 pub(super) struct Surfaces {
     metric: Metric,
-    /// Empty for point-to-plane.
-    source: Vec<[f32; 3]>,
-    target: Vec<[f32; 3]>,
+    /// The target's for point-to-plane, which does not look at them.
+    source: Arc<Tangents>,
+    target: Arc<Tangents>,
     /// What motions are about, and the length they are measured in: rotation and
     /// translation then weigh alike, and no tolerance has a unit.
     center: Vec3,
     unit: f64,
+}
+
+/// Unit normals of a cloud, zero where undefined.
+struct Tangents(Vec<[f32; 3]>);
+
+/// Key of normals by so many neighbours.
+#[derive(PartialEq)]
+struct Around(usize);
+
+impl Keep for Tangents {
+    fn bytes(&self) -> usize {
+        size_of_val(&self.0[..])
+    }
 }
 
 /// Σ w JᵀMJ, Σ w JᵀMe and Σ w eᵀMe.
@@ -52,8 +68,7 @@ impl Surfaces {
     /// [`Error::Degenerate`] when a cloud that needs normals has none at all.
     pub(super) fn new(
         metric: Metric,
-        source: &PointCloud,
-        target: &PointCloud,
+        [source, target]: [Cached<'_>; 2],
         neighbors: usize,
         unit: f64,
     ) -> Result<Self> {
@@ -63,13 +78,16 @@ impl Surfaces {
             if normals.undefined() == cloud.len() {
                 return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
             }
-            Ok(normals.vectors)
+            Ok(Tangents(normals.vectors))
         };
-        let target_normals = normals(target)?;
-        let source_normals =
-            if metric == Metric::Generalized { normals(source)? } else { Vec::new() };
-        let (source, center) = (source_normals, target.centroid());
-        Ok(Surfaces { metric, source, target: target_normals, center, unit })
+        let tangents = |end: Cached<'_>| end.get(Around(neighbors), || normals(end.cloud));
+        let center = target.cloud.centroid();
+        let target = tangents(target)?;
+        let source = match metric {
+            Metric::Generalized => tangents(source)?,
+            Metric::Point | Metric::Plane => target.clone(),
+        };
+        Ok(Surfaces { metric, source, target, center, unit })
     }
 
     /// The pose after one damped step from `pose`; `pose` itself where none is better.
@@ -82,7 +100,7 @@ impl Surfaces {
         let system = self.system(on, pose, &information);
         let mean = (0..6).map(|i| system.curvature[i][i]).sum::<f64>() / 6.0;
         if mean.is_nan() || mean <= 0.0 {
-            return Err(Error::NoWeight);
+            return Err(Error::NO_WEIGHT);
         }
         let mut damping = DAMPING;
         while damping < 1e6 {
@@ -113,7 +131,7 @@ impl Surfaces {
     }
 
     fn normal(&self, pair: &WeightedPair) -> Vec3 {
-        self.target[pair.target as usize].map(f64::from)
+        self.target.0[pair.target as usize].map(f64::from)
     }
 
     /// M of every pair; zero where a surface is missing.
@@ -127,7 +145,7 @@ impl Surfaces {
                 if self.metric != Metric::Generalized {
                     return math::outer(n, n);
                 }
-                let m = pose.rotate(self.source[pair.source as usize].map(f64::from));
+                let m = pose.rotate(self.source.0[pair.source as usize].map(f64::from));
                 if n == [0.0; 3] || m == [0.0; 3] {
                     return [[0.0; 3]; 3];
                 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::prepared::Describe;
 use super::registration::{Counts, Found, PointCounts, Registration, Timings};
 use super::schedule::{Step, StopReason};
-use super::{Method, Register};
+use super::{Cached, Method, Register};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
@@ -21,7 +21,6 @@ use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::Doubt;
-use crate::search;
 pub use certificate::Certificate;
 use matches::Matches;
 use rotation::{Round, Schedule};
@@ -191,16 +190,14 @@ impl Teaser {
             let matches = Matches::new(&pairs, points, origins);
             let counts =
                 PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
-            self.solve(&matches, source, target, counts, Timings::default())
+            self.solve(&matches, source.into(), target.into(), counts, Timings::default())
         })?
     }
 
-    fn run(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+    fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         self.validate()?;
         let mut times = Timings::default();
-        let source_side = self.describe.prepare(source, "the source", &mut times)?;
-        let target_side = self.describe.prepare(target, "the target", &mut times)?;
-        let [source_side, target_side] = self.describe.joined([source_side, target_side])?;
+        let [source_side, target_side] = self.describe.pair([source, target], None, &mut times)?;
         let (p, q) = (source_side.described(), target_side.described());
         let matches = times.time("matches", || {
             let mut pairs = matches::similar(&FullConnection::new(p, q)?, self.cross_check);
@@ -214,8 +211,8 @@ impl Teaser {
     fn solve(
         &self,
         matches: &Matches,
-        source: &PointCloud,
-        target: &PointCloud,
+        source: Cached<'_>,
+        target: Cached<'_>,
         points: PointCounts,
         mut times: Timings,
     ) -> Result<Registration> {
@@ -308,10 +305,10 @@ impl Teaser {
     }
 
     /// With an unknown scale only the target's resolution is in the target's unit.
-    fn default_bound(&self, source: &PointCloud, target: &PointCloud) -> Result<f64> {
-        let mut resolution = search::resolution(target.points())?;
+    fn default_bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
+        let mut resolution = target.resolution()?;
         if !self.estimate_scale {
-            resolution = resolution.max(search::resolution(source.points())?);
+            resolution = resolution.max(source.resolution()?);
         }
         if resolution > 0.0 {
             return Ok(BOUND_IN_RESOLUTIONS * resolution);
@@ -323,6 +320,10 @@ impl Teaser {
 
 impl Register for Teaser {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        self.register_cached(source.into(), target.into())
+    }
+
+    fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || self.run(source, target))?
     }
 }

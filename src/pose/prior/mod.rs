@@ -91,10 +91,10 @@ impl Prior {
             _ => match (self.direction, self.rotation) {
                 // Whether they contradict each other depends on no pair.
                 (Some(direction), Some(_)) => {
-                    about(direction, self.rotation, &IDENTITY, || Error::NoWeight)
+                    about(direction, self.rotation, &IDENTITY, || Error::NO_WEIGHT)
                         .map(|_| ())
                         .or_else(|error| match error {
-                            Error::NoWeight => Ok(()),
+                            Error::NoWeight { .. } => Ok(()),
                             error => Err(error),
                         })
                 }

@@ -1,0 +1,215 @@
+//! What is made of one cloud alone, kept for its further pairs.
+
+use std::any::Any;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::par;
+use crate::search;
+
+/// What methods have made of one cloud alone: normals, descriptors, surfaces.
+///
+/// It belongs to one cloud; with another, its answers are wrong. Results are the same bits
+/// with a cache and without.
+#[derive(Default)]
+pub struct Cache(Mutex<Vec<Entry>>);
+
+/// A cloud of a pair, with what was made of it before where that is kept.
+#[derive(Clone, Copy)]
+pub struct Cached<'a> {
+    /// The cloud.
+    pub cloud: &'a PointCloud,
+    /// What was made of it; `None`: nothing is kept.
+    pub cache: Option<&'a Cache>,
+}
+
+/// What can be kept.
+pub(super) trait Keep: Any + Send + Sync {
+    /// Bytes that it takes, about.
+    fn bytes(&self) -> usize;
+}
+
+/// Things of a kind that are kept: those made by settings that follow from the partner too
+/// would otherwise grow with the number of pairs.
+const MOST: usize = 4;
+
+struct Entry {
+    key: Box<dyn Any + Send>,
+    slot: Arc<Mutex<Option<Made>>>,
+}
+
+struct Made {
+    value: Arc<dyn Any + Send + Sync>,
+    bytes: Box<dyn Fn() -> usize + Send>,
+}
+
+impl Cache {
+    /// Bytes of what is kept, about.
+    pub fn bytes(&self) -> usize {
+        // What another thread is making right now is counted once it is there.
+        let of = |entry: &Entry| match entry.slot.try_lock() {
+            Ok(made) => made.as_ref().map_or(0, |made| (made.bytes)()),
+            Err(_) => 0,
+        };
+        lock(&self.0).iter().map(of).sum()
+    }
+
+    /// What was made under `key`, by `make` where that is not kept; errors are not.
+    ///
+    /// Within a [crew](par::crew) a second caller waits while the first makes it. Elsewhere it
+    /// makes its own: the thread that waits might be the one whose work is waited for.
+    pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
+    where
+        K: PartialEq + Send + 'static,
+        T: Keep,
+    {
+        let slot = self.slot(key);
+        let mut slot = match slot.try_lock() {
+            Ok(slot) => slot,
+            Err(TryLockError::Poisoned(slot)) => slot.into_inner(),
+            Err(TryLockError::WouldBlock) if par::in_crew() => lock(&slot),
+            Err(TryLockError::WouldBlock) => return make().map(Arc::new),
+        };
+        let kept = slot.as_ref().and_then(|made| made.value.clone().downcast().ok());
+        if let Some(kept) = kept {
+            return Ok(kept);
+        }
+        let value = Arc::new(make()?);
+        let weighed = value.clone();
+        *slot = Some(Made { value: value.clone(), bytes: Box::new(move || weighed.bytes()) });
+        Ok(value)
+    }
+
+    /// The place of what is made under `key`, the last of all that are used; of a kind the
+    /// least recently used is given up.
+    fn slot<K: PartialEq + Send + 'static>(&self, key: K) -> Arc<Mutex<Option<Made>>> {
+        let mut entries = lock(&self.0);
+        let of_kind = |entry: &Entry| entry.key.is::<K>();
+        let entry = match entries.iter().position(|it| it.key.downcast_ref() == Some(&key)) {
+            Some(at) => entries.remove(at),
+            None => {
+                if entries.iter().filter(|it| of_kind(it)).count() >= MOST
+                    && let Some(oldest) = entries.iter().position(of_kind)
+                {
+                    entries.remove(oldest);
+                }
+                Entry { key: Box::new(key), slot: Arc::default() }
+            }
+        };
+        let slot = entry.slot.clone();
+        entries.push(entry);
+        slot
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What was not finished when a thread unwound is not there.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<'a> From<&'a PointCloud> for Cached<'a> {
+    fn from(cloud: &'a PointCloud) -> Self {
+        Cached { cloud, cache: None }
+    }
+}
+
+/// Key of a cloud's resolution.
+#[derive(PartialEq)]
+struct Resolution;
+
+impl Keep for f64 {
+    fn bytes(&self) -> usize {
+        size_of::<f64>()
+    }
+}
+
+impl<'a> Cached<'a> {
+    /// The points of the cloud that count, which are `counting`; what was made of all of them is
+    /// of use only where those are all.
+    pub(super) fn counting(self, counting: &'a PointCloud) -> Cached<'a> {
+        match counting.len() == self.cloud.len() {
+            true => self,
+            false => counting.into(),
+        }
+    }
+
+    /// What is made of the cloud under `key`.
+    pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
+    where
+        K: PartialEq + Send + 'static,
+        T: Keep,
+    {
+        match self.cache {
+            Some(cache) => cache.get(key, make),
+            None => make().map(Arc::new),
+        }
+    }
+
+    /// The cloud's [resolution](search::resolution).
+    pub(super) fn resolution(&self) -> Result<f64> {
+        self.get(Resolution, || search::resolution(self.cloud.points())).map(|found| *found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::error::Error;
+
+    impl Keep for String {
+        fn bytes(&self) -> usize {
+            self.len()
+        }
+    }
+
+    #[test]
+    fn what_was_made_is_not_made_again() {
+        let (cache, made) = (Cache::default(), Cell::new(0));
+        let get = |key: u32| {
+            let make = || {
+                made.set(made.get() + 1);
+                Ok(key.to_string())
+            };
+            cache.get(key, make).unwrap()
+        };
+        assert_eq!((get(10).as_str(), get(10).as_str(), made.get()), ("10", "10", 1));
+        // Another kind of key with the same number.
+        assert_eq!(*cache.get(10u64, || Ok(String::from("other"))).unwrap(), "other");
+        assert_eq!(cache.bytes(), 7);
+        // Of a kind the least recently used goes; the other kind stays.
+        for key in [11, 12, 13, 10, 14] {
+            get(key);
+        }
+        assert_eq!((made.get(), cache.bytes()), (5, 13));
+        get(11);
+        assert_eq!(made.get(), 6);
+        get(10);
+        assert_eq!(made.get(), 6);
+    }
+
+    #[test]
+    fn errors_are_not_kept_and_a_maker_that_ends_leaves_nothing() {
+        let cache = Cache::default();
+        let failed = cache.get(1, || Err::<String, _>(Error::NO_WEIGHT));
+        assert!(failed.is_err() && cache.bytes() == 0);
+        let ended = || _ = cache.get(1, || -> Result<String> { panic!("a bug") });
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(ended)).is_err());
+        assert_eq!(*cache.get(1, || Ok(String::from("made"))).unwrap(), "made");
+    }
+
+    #[test]
+    fn outside_of_a_crew_nobody_waits() {
+        let cache = Cache::default();
+        let own = || Ok(String::from("own"));
+        let outer = cache.get(1, || {
+            // As a loop would that the making thread takes up while it waits.
+            assert_eq!(*cache.get(1, own).unwrap(), "own");
+            Ok(String::from("outer"))
+        });
+        assert_eq!(*outer.unwrap(), "outer");
+        assert_eq!(*cache.get(1, own).unwrap(), "outer");
+    }
+}
