@@ -2,6 +2,7 @@
 
 mod answer;
 mod candidates;
+mod connections;
 mod evidence;
 mod hypotheses;
 mod judge;
@@ -330,6 +331,7 @@ fn matched(source: &Surface, target: &Surface, length: f64) -> Result<Matches> {
         weights: pairs.iter().map(weight).collect(),
         source: pairs.iter().map(|&(i, _)| source.points[i as usize]).collect(),
         target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
+        pairs,
         length,
     })
 }
