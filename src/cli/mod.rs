@@ -43,7 +43,7 @@ struct Arguments {
 enum Command {
     /// Find the pose that maps one cloud into the frame of another
     Register(register::Register),
-    /// Show a result that was kept: the page of `register --report`, from what --json printed
+    /// Show results that were kept: the page of what register --json printed, a table of rows
     Report(report::Report),
     /// Say what is in files
     Info(clouds::Info),

@@ -224,7 +224,8 @@ fn principal(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
     let Ok(parts) = centred.thin_svd() else { return vec![0.0; n] };
     let first = parts.V().col(0);
     // Of either sign: the one whose largest part is above 0.
-    let largest = (0..dim).map(|d| first[d]).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+    let largest =
+        (0..dim).map(|d| first[d]).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
     let sign = if largest < 0.0 { -1.0 } else { 1.0 };
     (0..n).map(|k| sign * (0..dim).map(|d| centred[(k, d)] * first[d]).sum::<f64>()).collect()
 }

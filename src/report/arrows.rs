@@ -53,7 +53,13 @@ impl Arrow {
         let [x, y, z] = math::add(place, middle).map(words::short);
         let also = if slides { ", sliding along it," } else { "" };
         let words = format!("turns about {} through ({x}, {y}, {z}){also}", named(axis));
-        Arrow { center: place, axis, turns: true, slides, words: words.trim_end_matches(',').into() }
+        Arrow {
+            center: place,
+            axis,
+            turns: true,
+            slides,
+            words: words.trim_end_matches(',').into(),
+        }
     }
 }
 

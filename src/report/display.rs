@@ -10,7 +10,7 @@ use crate::filter;
 use crate::math::{self, Vec3};
 use crate::normals::{self, Orientation};
 use crate::par;
-use crate::search::{Closest, Neighborhood, Neighbors, SearchTree};
+use crate::search::{Neighborhood, Neighbors, SearchTree};
 
 /// A cloud to be drawn. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
@@ -102,11 +102,12 @@ impl Shown {
     ) -> Result<()> {
         let moved = |p| math::sub(pose.apply(p), others.origin()).map(|x| x as f32);
         let moved: Vec<[f32; 3]> = self.cloud.positions().map(moved).collect();
-        let limit = most / unit;
-        let squared = Closest::new(others.points())?.within(&moved, (limit * limit) as f32);
-        self.distances = squared.iter().map(|d2| d2.sqrt() * unit as f32).collect();
+        let tree = SearchTree::new(others.points())?;
+        let away = |i: usize| f64::from(tree.nearest(&moved[i]).squared_distance).sqrt() * unit;
+        let seen = |distance: f64| if distance <= most { distance as f32 } else { f32::INFINITY };
+        self.distances = par::map(moved.len(), || (), |_, i| seen(away(i)));
         let small = |&distance: &f32| {
-            if f64::from(distance) <= most { byte(f64::from(distance) / most) } else { NONE }
+            if distance.is_finite() { byte(f64::from(distance) / most) } else { NONE }
         };
         self.residuals = STANDARD.encode(self.distances.iter().map(small).collect::<Vec<u8>>());
         Ok(())

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::cloud::{Transform, Viewpoints};
@@ -81,13 +81,12 @@ pub(super) struct Free {
 }
 
 /// How the clouds lie on each other.
-#[derive(Debug, Clone, Copy, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, Deserialize)]
 pub(super) struct Fit {
     pub(super) fitness: f64,
     pub(super) target_fitness: f64,
     pub(super) inlier_rmse: Option<f64>,
     pub(super) max_distance: f64,
-    pub(super) chance: Option<f64>,
     pub(super) agreement: f64,
 }
 
@@ -123,6 +122,31 @@ pub(super) struct Given {
 pub(super) struct Stages(pub(super) Vec<(String, f64)>);
 
 impl Facts {
+    /// Of which only this is known.
+    pub(super) fn bare(pose: Transform, method: &str, trusted: bool, doubts: Vec<Told>) -> Facts {
+        Facts {
+            transform: pose,
+            method: method.into(),
+            trusted,
+            doubts,
+            verdict: None,
+            evaluation: None,
+            connections: None,
+            effective_connections: None,
+            iterations: None,
+            stop: None,
+            points: None,
+            time_s: Stages::default(),
+            config: Value::Null,
+            refined_from: None,
+            source: None,
+            target: None,
+            thinning: Given::default(),
+            viewpoints: None,
+            command: None,
+        }
+    }
+
     /// Of one object as JSON.
     ///
     /// # Errors

@@ -20,6 +20,9 @@ const SCRIPTS: [&str; 6] = [
 ];
 /// three.js, of which `page/vendor/README.md` tells.
 const LIBRARY: &str = include_str!("page/vendor/three.min.js");
+const LIST: &str = include_str!("page/list.html");
+const LIST_STYLE: &str = include_str!("page/list.css");
+const LIST_SCRIPT: &str = include_str!("page/list.js");
 const COPY: &str = include_str!("page/copy.js");
 
 /// The page of a pair.
@@ -34,6 +37,19 @@ pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<Strin
             style => Value::from_safe_string(STYLE.into()),
             library => Value::from_safe_string(LIBRARY.into()),
             scripts => Value::from_safe_string(scripts),
+        },
+    )
+}
+
+/// The page of a list.
+pub(super) fn listing(page: &impl Serialize) -> Result<String> {
+    render(
+        "list.html",
+        LIST,
+        context! {
+            page => Value::from(Serde(page)),
+            style => Value::from_safe_string([STYLE, LIST_STYLE].join("\n")),
+            scripts => Value::from_safe_string(LIST_SCRIPT.into()),
         },
     )
 }

@@ -8,7 +8,7 @@ use super::arrows::Arrow;
 use super::display::Shown;
 use super::facts::Facts;
 use super::links::Weights;
-use super::look::Look;
+use super::look::{Frame, Look};
 use super::page;
 use super::picture::{Stand, picture};
 use super::tables::{self, Histogram, Input, Posed, Stage, Uncertainty};
@@ -54,7 +54,7 @@ const RESIDUALS: f64 = 5.0;
 /// Points of either cloud in a picture that stands in for the view, and in a figure for papers.
 const STILL: usize = 40_000;
 const DRAWN: usize = 12_000;
-/// How near the source is brought, in radii, where it lies elsewhere.
+/// How near the source is brought, in radii of both after, where it lies elsewhere.
 const BESIDE: f64 = 2.5;
 
 /// What the page's scripts are given.
@@ -63,6 +63,8 @@ struct View<'a> {
     source: &'a Shown,
     target: &'a Shown,
     look: Look,
+    /// Of arrows.
+    radius: f64,
     stands: Vec<Place>,
     /// Largest residual that is told apart, and the one that counts.
     residual: [f64; 2],
@@ -75,14 +77,16 @@ struct View<'a> {
 struct Place {
     name: &'static str,
     matrix: [[f64; 4]; 4],
-    center: Vec3,
-    radius: f64,
+    #[serde(flatten)]
+    frame: Frame,
 }
 
 /// What the page's text is made from.
 #[derive(Serialize)]
 struct Text<'a> {
     names: &'a [String; 2],
+    /// The same without folders where that tells them apart.
+    titles: [String; 2],
     method: String,
     headline: Headline,
     stands: Vec<&'static str>,
@@ -145,28 +149,22 @@ impl<'a> Pair<'a> {
         source.measure(self.target, &pose, 1.0, most)?;
         target.measure(self.source, &pose.inverse(), pose.scale, most)?;
         let (weights, weights_absent) = self.weigh(&mut source, &mut target, near);
-        let look = Look::at(&source, &target, &pose);
-        let far = self.far(&look, &source, &target);
-        let stands = self.stands(&look, &source, &target);
-        let still: Vec<Stand<'_>> =
-            [("before", 0), ("after", 1)].map(|(title, k)| Stand { title, pose: stands[k].1 }).into();
-        let middles = [source.middle, target.middle];
-        let still = picture([&source, &target], &look, &still, STILL, (480, 420), true);
+        let look = Look::at(&target.cloud);
+        let stands = self.stands(&source, &target);
+        let still = picture([&source, &target], &look, &stands[..2], STILL, (480, 420), true);
         let spread = facts.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
         let arrows = spread.map_or_else(Vec::new, |spread| Arrow::all(spread, target.middle));
-        let places = stands.iter().map(|(name, stand)| {
-            let [center, span] = reach(name, &look, stand, &middles, &source);
-            Place {
-                name,
-                matrix: about(stand, middles).matrix(),
-                center,
-                radius: math::norm(span),
-            }
+        let middles = [source.middle, target.middle];
+        let places = stands.iter().map(|stand| Place {
+            name: stand.title,
+            matrix: about(&stand.pose, middles).matrix(),
+            frame: stand.frame,
         });
         let view = View {
             source: &source,
             target: &target,
             look,
+            radius: stands[1].frame.radius,
             stands: places.collect(),
             residual: [most, near],
             arrows: &arrows,
@@ -175,10 +173,11 @@ impl<'a> Pair<'a> {
         let inputs = tables::inputs(facts, [self.source, self.target], &self.names)?;
         let diagonals = [self.source.diagonal(), self.target.diagonal()];
         let text = Text {
+            titles: words::distinct(&self.names),
             names: &self.names,
             method: facts.chain(),
             headline: Headline::of(facts),
-            stands: stands.iter().map(|(name, _)| *name).collect(),
+            stands: stands.iter().map(|stand| stand.title).collect(),
             poses: self.poses(),
             uncertainty: spread.map(Uncertainty::of),
             arrows: &arrows,
@@ -193,7 +192,7 @@ impl<'a> Pair<'a> {
             config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
             command: self.command.as_deref(),
             thinned: source.shown < source.of || target.shown < target.of,
-            far,
+            far: self.far(&source, &target),
             picture: STANDARD.encode(still.png()?),
             version: env!("CARGO_PKG_VERSION"),
         };
@@ -206,11 +205,8 @@ impl<'a> Pair<'a> {
     /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud.
     pub fn figure(&self) -> Result<Figure> {
         let [source, target] = self.shown()?;
-        let look = Look::at(&source, &target, &self.facts.transform);
-        let stands = self.stands(&look, &source, &target);
-        let stands = [("before", 0), ("after", 1)]
-            .map(|(title, k)| Stand { title, pose: stands[k].1 });
-        Ok(picture([&source, &target], &look, &stands, DRAWN, (520, 480), true))
+        let (look, stands) = (Look::at(&target.cloud), self.stands(&source, &target));
+        Ok(picture([&source, &target], &look, &stands[..2], DRAWN, (520, 480), true))
     }
 
     /// The aligned pair alone, small.
@@ -219,8 +215,9 @@ impl<'a> Pair<'a> {
     /// Those of [`figure`](Self::figure).
     pub fn thumbnail(&self, size: (u32, u32)) -> Result<Figure> {
         let [source, target] = self.shown()?;
-        let look = Look::at(&source, &target, &self.facts.transform);
-        let after = [Stand { title: "", pose: self.facts.transform }];
+        let (look, pose) = (Look::at(&target.cloud), self.facts.transform);
+        let frame = Frame::of(&source, &target, &pose);
+        let after = [Stand { title: "", pose, frame }];
         let most = (size.0 * size.1 / 4) as usize;
         Ok(picture([&source, &target], &look, &after, most, size, false))
     }
@@ -232,9 +229,7 @@ impl<'a> Pair<'a> {
                 return Err(crate::Error::TooFewPoints { what, found, needed });
             }
         }
-        crate::par::both([self.source, self.target], |cloud| {
-            Shown::of(cloud, self.points.max(1))
-        })
+        crate::par::both([self.source, self.target], |cloud| Shown::of(cloud, self.points.max(1)))
     }
 
     /// The largest distance that counts.
@@ -293,25 +288,33 @@ impl<'a> Pair<'a> {
     }
 
     /// Where the source is shown to stand: as its file has it, under the pose, under the others.
-    fn stands(&self, look: &Look, source: &Shown, target: &Shown) -> Vec<(&'static str, Transform)> {
+    fn stands(&self, source: &Shown, target: &Shown) -> Vec<Stand<'static>> {
+        let stand = |title, pose| Stand { title, pose, frame: Frame::of(source, target, &pose) };
+        let after = stand("after", self.facts.transform);
         let mut before = Transform::IDENTITY;
-        let off = math::sub(math::sub(source.middle, target.middle), look.center);
-        let beside = BESIDE * look.radius;
-        if math::norm(off) > beside {
+        if let Some((off, beside)) = self.apart(source, target, after.frame) {
             let nearer = math::scaled(math::normalized(off), beside);
             before.translation = math::sub(nearer, off);
         }
-        let mut stands = vec![("before", before), ("after", self.facts.transform)];
         let other = self.facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref());
-        stands.extend(other.map(|other| ("other", other.transform)));
-        stands.extend(self.truth.map(|truth| ("truth", truth)));
+        let mut stands = vec![stand("before", before), after];
+        stands.extend(other.map(|other| stand("other", other.transform)));
+        stands.extend(self.truth.map(|truth| stand("truth", truth)));
         stands
     }
 
-    /// Where the source stands far from the target in the files: how far.
-    fn far(&self, look: &Look, source: &Shown, target: &Shown) -> Option<String> {
-        let off = math::norm(math::sub(source.middle, target.middle));
-        (off > BESIDE * look.radius + math::norm(look.center)).then(|| words::short(off))
+    /// From the target to the source, where they lie too far apart in their files to be seen
+    /// together, and how near they are brought.
+    fn apart(&self, source: &Shown, target: &Shown, after: Frame) -> Option<(Vec3, f64)> {
+        let off = math::sub(source.middle, target.middle);
+        let beside = BESIDE * after.radius;
+        (math::norm(off) > beside).then_some((off, beside))
+    }
+
+    /// How far that is.
+    fn far(&self, source: &Shown, target: &Shown) -> Option<String> {
+        let after = Frame::of(source, target, &self.facts.transform);
+        self.apart(source, target, after).map(|(off, _)| words::short(math::norm(off)))
     }
 
     fn poses(&self) -> Vec<Posed> {
@@ -329,29 +332,6 @@ impl<'a> Pair<'a> {
 /// A motion between the clouds' own frames as one between places about their middles.
 fn about(pose: &Transform, [source, target]: [Vec3; 2]) -> Transform {
     Transform { translation: math::sub(pose.apply(source), target), ..*pose }
-}
-
-/// The middle and the half diagonal of what is to be seen with the source at a stand.
-fn reach(
-    name: &str,
-    look: &Look,
-    stand: &Transform,
-    middles: &[Vec3; 2],
-    source: &Shown,
-) -> [Vec3; 2] {
-    if name == "after" {
-        return [look.center, [look.radius, 0.0, 0.0]];
-    }
-    let place = about(stand, *middles).translation;
-    let half = 0.5 * stand.scale * math::norm(source.size).min(4.0 * look.radius / stand.scale);
-    let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
-    for axis in 0..3 {
-        let flat = 0.55 * half;
-        low[axis] = (look.center[axis] - 0.5 * look.radius).min(place[axis] - flat);
-        high[axis] = (look.center[axis] + 0.5 * look.radius).max(place[axis] + flat);
-    }
-    let center = math::scaled(math::add(low, high), 0.5);
-    [center, math::scaled(math::sub(high, low), 0.5)]
 }
 
 /// Median distance of points from the next one, 0 where that cannot be told.

@@ -28,21 +28,24 @@ impl Headline {
         let told = percent(verdict.probability);
         let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
         let (tone, sign, title, line) = match verdict.decision.as_str() {
-            "accept" if facts.trusted => {
-                ("good", "\u{2713}", "Take this pose", format!("It is right with probability {told}."))
-            }
+            "accept" if facts.trusted => (
+                "good",
+                "\u{2713}",
+                "Take this pose",
+                format!("Right with a probability of {told}."),
+            ),
             "accept" => (
                 "unsure",
                 "?",
                 "Likely right, but doubted",
-                format!("The surfaces say that it is right with probability {told}; see the doubts."),
+                format!("Right with a probability of {told} by its surfaces; but see the doubts."),
             ),
             "ambiguous" if loose > 0 => (
                 "unsure",
                 "?",
                 "Not held in every direction",
                 format!(
-                    "It is right with probability {told}, but nothing holds it along {loose} of 6 \
+                    "Right with a probability of {told}, but nothing holds it along {loose} of 6 \
                      motions: see the arrows."
                 ),
             ),
@@ -53,7 +56,7 @@ impl Headline {
                     "?",
                     "One of several poses",
                     format!(
-                        "This one is right with probability {told}, another with {}: compare them.",
+                        "Right with a probability of {told}, another pose with {}: compare them.",
                         percent(other)
                     ),
                 )
@@ -62,7 +65,7 @@ impl Headline {
                 "bad",
                 "\u{2717}",
                 "Do not take this pose",
-                format!("It is right with probability {told} only; the clouds may share nothing."),
+                format!("Right with a probability of {told}; the clouds may share nothing."),
             ),
         };
         let reasons = verdict.reasons.iter().map(|reason| sentence(reason)).collect();
@@ -156,6 +159,13 @@ pub(super) fn unit(diagonal: f64) -> &'static str {
     }
 }
 
+/// Names of files without their folders, where these do not tell them apart.
+pub(super) fn distinct(names: &[String; 2]) -> [String; 2] {
+    let last = |name: &String| name.rsplit(['/', '\\']).next().unwrap_or(name).to_string();
+    let short = names.each_ref().map(last);
+    if short[0] == short[1] || short.iter().any(String::is_empty) { names.clone() } else { short }
+}
+
 /// With a capital, and a full stop.
 pub(super) fn sentence(text: &str) -> String {
     let mut letters = text.chars();
@@ -179,6 +189,8 @@ mod tests {
         assert_eq!(short(f64::NAN), "-");
         assert_eq!((count(12), count(1234567)), ("12".into(), "1\u{202f}234\u{202f}567".into()));
         assert_eq!(sentence("14 matches agree"), "14 matches agree.");
-        assert_eq!(sentence("ein"), "Ein.");
+        let names = |a: &str, b: &str| distinct(&[a.into(), b.into()]);
+        assert_eq!(names("a/b.ply", "/c/d.ply"), ["b.ply", "d.ply"]);
+        assert_eq!(names("a/b.ply", "c/b.ply"), ["a/b.ply", "c/b.ply"]);
     }
 }

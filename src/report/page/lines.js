@@ -32,7 +32,9 @@ function makeLines(weights) {
 
 // Over all else, so that points do not hide them.
 function arrowMaterial() {
-  return new THREE.MeshBasicMaterial({ color: 0xd55e00, depthTest: false, transparent: true, opacity: 0.9 });
+  const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.9 });
+  material.color.setRGB(...plainColour("#d55e00").toArray());
+  return material;
 }
 
 function makeArrow(arrow, radius) {

@@ -12,11 +12,9 @@
   }
 
   document.documentElement.classList.add("live");
-  let view;
-  try {
-    view = makeView(find("canvas"), data);
-  } catch {
-    // No WebGL: the still picture and its note stay.
+  const view = makeView(find("canvas"), data);
+  if (!view) {
+    // The still picture and its note stay.
     document.documentElement.classList.remove("live");
     return;
   }
@@ -49,7 +47,10 @@
     legend(radio.value);
   }));
   for (const what of ["source", "target", "lines", "arrows"]) {
-    find(what)?.addEventListener("change", (event) => view.show(what, event.target.checked));
+    const box = find(what);
+    if (!box) continue;
+    box.addEventListener("change", () => view.show(what, box.checked));
+    view.show(what, box.checked);
   }
   find("smaller").addEventListener("click", () => view.enlarge(1 / 1.3));
   find("larger").addEventListener("click", () => view.enlarge(1.3));

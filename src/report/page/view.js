@@ -3,7 +3,10 @@
 const SMOOTH_MS = 700;
 
 function makeView(canvas, data) {
-  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+  // Asked for here, as the library complains of a machine that has none.
+  const context = canvas.getContext("webgl2", { antialias: true });
+  if (!context) return null;
+  const renderer = new THREE.WebGLRenderer({ canvas, context });
   renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(35, 1, 0.01, 100);
@@ -12,7 +15,7 @@ function makeView(canvas, data) {
   const lines = data.weights ? makeLines(data.weights) : null;
   if (lines) scene.add(lines.lines);
   const arrows = new THREE.Group();
-  data.arrows.forEach((arrow) => arrows.add(makeArrow(arrow, data.look.radius)));
+  data.arrows.forEach((arrow) => arrows.add(makeArrow(arrow, data.radius)));
   scene.add(arrows);
   const controls = new THREE.OrbitControls(camera, canvas);
 
@@ -31,7 +34,7 @@ function makeView(canvas, data) {
     wanted = false;
     const distance = camera.position.distanceTo(controls.target);
     camera.near = distance / 200;
-    camera.far = distance + 50 * data.look.radius;
+    camera.far = distance + 50 * data.radius;
     camera.updateProjectionMatrix();
     renderer.render(scene, camera);
   }
@@ -82,7 +85,7 @@ function makeView(canvas, data) {
     const fit = 1 / Math.sin((Math.min(35, 35 * camera.aspect) / 2) * (Math.PI / 180));
     camera.up.set(...data.look.up);
     controls.target.copy(now.center);
-    const away = 0.85 * fit * now.radius;
+    const away = 0.95 * fit * now.radius;
     camera.position.copy(now.center).addScaledVector(new THREE.Vector3(...data.look.toward), away);
     controls.object.up.copy(camera.up);
     remakeControls();
@@ -155,7 +158,6 @@ function makeView(canvas, data) {
   reset();
   stand(now);
   paint();
-  if (lines) lines.lines.visible = false;
   return {
     stands,
     moveTo,
@@ -182,7 +184,7 @@ function makeView(canvas, data) {
     },
     show(what, visible) {
       const parts = { source: source.points, target: target.points, lines: lines?.lines, arrows };
-      parts[what].visible = visible;
+      if (parts[what]) parts[what].visible = visible;
       redraw();
     },
     enlarge(factor) {
