@@ -28,8 +28,9 @@ fn demo() -> TempDir {
     folder
 }
 
+/// A page; slashes as they are meant.
 fn read(folder: &Path, file: &str) -> String {
-    fs::read_to_string(folder.join(file)).unwrap()
+    fs::read_to_string(folder.join(file)).unwrap().replace("&#x2f;", "/")
 }
 
 /// What the scripts of a page are given.
@@ -137,7 +138,8 @@ fn a_kept_result_is_shown_while_its_clouds_are_there() {
     fs::write(folder.path().join("other.json"), "{\n\"transform\": 3}").unwrap();
     failed("report other.json", "other.json, line 2: is not what `cfreg register --json` prints");
     fs::copy(folder.path().join("pair/target.pcd"), folder.path().join("target")).unwrap();
-    fs::write(folder.path().join("pair/target.pcd"), "0 0 0\n1 0 0\n0 1 0\n").unwrap();
+    let output = line(folder.path(), "convert target pair/target.pcd --sample 600");
+    assert!(output.status.success(), "{}", stderr(&output));
     failed("report kept.json", "has the file changed?");
     fs::remove_file(folder.path().join("pair/target.pcd")).unwrap();
     failed("report kept.json", "names the cloud pair/target.pcd, which is neither there");

@@ -420,7 +420,7 @@ class Registration:
             return ""
         data = base64.b64encode(png).decode()
         told = "source (orange) and target (blue), aligned"
-        return f"<img alt='{told}' title='{told}' src='data:image/png;base64,{data}'>"
+        return f"<img alt='{told}' title='{told}' src='data:image/png;base64,{data}'/>"
 
 
 def _told(verdict: Verdict | None, trusted: bool) -> str:

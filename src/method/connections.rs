@@ -65,7 +65,7 @@ const SIDE: usize = 144;
 impl Method {
     /// What this method connects between the clouds that it was given, seen under the `pose` that
     /// it found: its work up to the weights is done again. `None` for those that connect points
-    /// by where the pose puts them.
+    /// by where the pose puts them, and for weights that have no name ([`Cf::register_by`]).
     ///
     /// # Errors
     /// Those of [`Register::register`](super::Register::register).
@@ -87,6 +87,10 @@ impl Method {
         pose: &Transform,
     ) -> Result<Option<Connections>> {
         match self {
+            Method::Cf(Cf { weights: WeightScheme::Custom, .. }) => Ok(None),
+            Method::Cfk(Cfk { connection, .. }) if connection.weights == WeightScheme::Custom => {
+                Ok(None)
+            }
             Method::Cf(cf) => cf.connections(source, target, pose, None).map(Some),
             Method::Cfk(Cfk { keypoints, connection }) => {
                 connection.connections(source, target, pose, Some(keypoints)).map(Some)
@@ -106,12 +110,6 @@ impl Cf {
         pose: &Transform,
         detector: Option<&Keypoints>,
     ) -> Result<Connections> {
-        // A function that was handed over is not here any more: the paper's weights show what
-        // it was given.
-        let (weights, normalization) = match self.weights {
-            WeightScheme::Custom => (WeightScheme::Gaussian, Normalization::None),
-            named => (named, self.normalization),
-        };
         par::with_threads(self.threads, || {
             let mut times = Timings::default();
             let source = self.describe.prepare_at(source, "the source", detector, &mut times)?;
@@ -122,7 +120,8 @@ impl Cf {
             let ends = [source.described(), target.described()];
             let mut matrix = Matrix::places(ends, pose)?;
             let Matrix { rows, columns, .. } = &matrix;
-            let found = connection.entries(weights, beta, normalization, rows, columns)?;
+            let found =
+                connection.entries(self.weights, beta, self.normalization, rows, columns)?;
             let Entries { source_sums, target_sums, heaviest, block } = found;
             matrix.weights = block;
             let links = heaviest.iter().zip(0..);

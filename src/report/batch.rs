@@ -6,7 +6,7 @@ use super::Pair;
 use super::facts::{Facts, Judged, Spread, Told};
 use super::listing::{self, Cell, Line, Listing};
 use crate::batch::{Row, symmetric};
-use crate::cloud::{Transform, Viewpoints};
+use crate::cloud::{PointCloud, Transform, Viewpoints};
 use crate::error::Result;
 use crate::io;
 
@@ -29,7 +29,8 @@ impl Bulk<'_> {
     /// done. How many there are is returned.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written.
+    /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written,
+    /// [`Error::Config`](crate::Error::Config) for a row whose pose is none.
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
         listing::make(self.output)?;
         let mut order: Vec<&Row> = rows.iter().collect();
@@ -58,13 +59,14 @@ impl Bulk<'_> {
         let mut listed = Vec::new();
         for (at, row) in order.iter().enumerate() {
             let mut line = line(row);
-            if at < self.pages && row.pose.is_some() {
-                match self.open(row, &mut line) {
-                    Ok(()) => made += 1,
-                    // The table stands without its pages; what cannot be written is another matter.
-                    Err(error @ crate::Error::Io { .. }) if made == 0 && self.clouds_are(row) => {
-                        return Err(error);
+            if let Some(facts) = facts(row)?.filter(|_| at < self.pages) {
+                match self.clouds(row) {
+                    Ok([source, target]) => {
+                        let pair = Pair::of(facts, &source, &target);
+                        line.open(pair, self.output, row.index)?;
+                        made += 1;
                     }
+                    // The table stands without its pages.
                     Err(_) => missing += 1,
                 }
             }
@@ -93,16 +95,10 @@ impl Bulk<'_> {
         Ok(made)
     }
 
-    fn clouds_are(&self, row: &Row) -> bool {
-        [&row.source, &row.target].into_iter().all(|name| self.clouds.join(name).is_file())
-    }
-
-    /// The page of a row.
-    fn open(&self, row: &Row, line: &mut Line) -> Result<()> {
+    /// The clouds of a row, read again.
+    fn clouds(&self, row: &Row) -> Result<[PointCloud; 2]> {
         let read = |name: &String| self.viewpoints.apply(io::read(self.clouds.join(name))?);
-        let (source, target) = (read(&row.source)?, read(&row.target)?);
-        let Some(facts) = facts(row)? else { return Ok(()) };
-        line.open(Pair::of(facts, &source, &target), self.output, row.index)
+        Ok([read(&row.source)?, read(&row.target)?])
     }
 }
 

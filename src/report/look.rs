@@ -30,7 +30,7 @@ const ASIDE: [f64; 2] = [0.3, 0.2];
 /// Points of a cloud that are measured.
 const MEASURED: usize = 2000;
 /// Share of them that is to be seen; the rest may be strays.
-const SEEN: f64 = 0.98;
+const SEEN: f64 = 0.99;
 
 impl Frame {
     /// Of both clouds, with the source where `pose` puts it.

@@ -17,6 +17,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::experiment::figure::Figure;
 use crate::math::{self, Vec3};
+use crate::method::Method;
 use crate::quality;
 use crate::search;
 
@@ -259,6 +260,9 @@ impl<'a> Pair<'a> {
         };
         let connections = match method.connections(self.source, self.target, pose) {
             Ok(Some(connections)) => connections,
+            Ok(None) if matches!(method, Method::Cf(_) | Method::Cfk(_)) => {
+                return told("The weights were a function that is not here any more.");
+            }
             Ok(None) => {
                 return told(
                     "This method connects points by where the pose puts them: colour the clouds by \

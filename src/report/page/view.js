@@ -85,7 +85,7 @@ function makeView(canvas, data) {
     const fit = 1 / Math.sin((Math.min(35, 35 * camera.aspect) / 2) * (Math.PI / 180));
     camera.up.set(...data.look.up);
     controls.target.copy(now.center);
-    const away = 0.95 * fit * now.radius;
+    const away = 1.05 * fit * now.radius;
     camera.position.copy(now.center).addScaledVector(new THREE.Vector3(...data.look.toward), away);
     controls.object.up.copy(camera.up);
     remakeControls();
