@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(percent(1.0), "100 %");
         assert_eq!(percent(0.0002), "less than 0.1 %");
         assert_eq!((percent(0.421), percent(0.034)), ("42 %".into(), "3.4 %".into()));
-        assert_eq!((short(0.0012345), short(12.0)), ("0.001235".into(), "12".into()));
+        assert_eq!((short(0.0012346), short(12.0)), ("0.001235".into(), "12".into()));
         assert_eq!((short(3.2e-9), short(123456.7)), ("3.200e-9".into(), "123457".into()));
         assert_eq!(short(f64::NAN), "-");
         assert_eq!((count(12), count(1234567)), ("12".into(), "1\u{202f}234\u{202f}567".into()));
