@@ -47,7 +47,7 @@ impl Posed {
         Posed {
             title,
             probability,
-            matrix: pose.matrix().map(|row| row.map(|x| words::short(x)).into()).into(),
+            matrix: pose.matrix().map(|row| row.map(words::short).into()).into(),
             matrix_text: rows.map(|row| row.join(" ")).join("\n"),
             axis_angle: format!("{:.3}° about ({})", angle.to_degrees(), rounded(&axis, 4)),
             axis_angle_text: all(&vector),
