@@ -49,18 +49,22 @@ impl Headline {
                      motions: see the arrows."
                 ),
             ),
-            "ambiguous" => {
-                let other = verdict.runner_up.as_ref().map_or(0.0, |other| other.probability);
-                (
-                    "unsure",
-                    "?",
-                    "One of several poses",
-                    format!(
-                        "Right with a probability of {told}, another pose with {}: compare them.",
-                        percent(other)
-                    ),
-                )
-            }
+            "ambiguous" => (
+                "unsure",
+                "?",
+                "One of several poses",
+                match &verdict.runner_up {
+                    Some(other) => {
+                        let other = percent(other.probability);
+                        format!(
+                            "Right with a probability of {told}, another pose with {other}: compare them."
+                        )
+                    }
+                    None => {
+                        format!("Right with a probability of {told}; others are about as good.")
+                    }
+                },
+            ),
             _ => (
                 "bad",
                 "\u{2717}",

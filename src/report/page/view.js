@@ -17,7 +17,7 @@ function makeView(canvas, data) {
   const arrows = new THREE.Group();
   data.arrows.forEach((arrow) => arrows.add(makeArrow(arrow, data.radius)));
   scene.add(arrows);
-  const controls = new THREE.OrbitControls(camera, canvas);
+  let controls = null;
 
   const stands = data.stands.map(({ name, matrix, center, radius }) => {
     const [place, turn, scale] = [new THREE.Vector3(), new THREE.Quaternion(), new THREE.Vector3()];
@@ -84,25 +84,20 @@ function makeView(canvas, data) {
   function reset() {
     const fit = 1 / Math.sin((Math.min(35, 35 * camera.aspect) / 2) * (Math.PI / 180));
     camera.up.set(...data.look.up);
-    controls.target.copy(now.center);
     const away = 1.05 * fit * now.radius;
     camera.position.copy(now.center).addScaledVector(new THREE.Vector3(...data.look.toward), away);
-    controls.object.up.copy(camera.up);
-    remakeControls();
+    hold(now.center);
   }
 
   // The library takes the way up when controls are made.
-  let live = controls;
-  function remakeControls() {
-    const at = controls.target.clone();
-    live.dispose();
-    live = new THREE.OrbitControls(camera, canvas);
-    live.target = controls.target = at;
-    live.addEventListener("change", redraw);
-    live.update();
+  function hold(target) {
+    controls?.dispose();
+    controls = new THREE.OrbitControls(camera, canvas);
+    controls.target.copy(target);
+    controls.addEventListener("change", redraw);
+    controls.update();
     redraw();
   }
-  controls.update = () => live.update();
 
   function turn(across, upward) {
     const offset = camera.position.clone().sub(controls.target);
@@ -111,7 +106,7 @@ function makeView(canvas, data) {
     const tilted = offset.clone().applyAxisAngle(side, upward);
     if (Math.abs(tilted.clone().normalize().dot(camera.up)) < 0.99) offset.copy(tilted);
     camera.position.copy(controls.target).add(offset);
-    live.update();
+    controls.update();
     redraw();
   }
 
@@ -127,7 +122,7 @@ function makeView(canvas, data) {
       offset.addScaledVector(aside, 0.6 * offset.length());
       camera.position.copy(controls.target).add(offset);
     }
-    remakeControls();
+    hold(controls.target);
   }
 
   function resize() {
@@ -169,7 +164,7 @@ function makeView(canvas, data) {
     zoom(factor) {
       const offset = camera.position.clone().sub(controls.target).multiplyScalar(factor);
       camera.position.copy(controls.target).add(offset);
-      live.update();
+      controls.update();
       redraw();
     },
     // Part of the way from before to after.
