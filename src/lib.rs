@@ -21,6 +21,8 @@ pub mod pose;
 #[cfg(feature = "python")]
 mod python;
 pub mod quality;
+#[cfg(feature = "report")]
+pub mod report;
 pub mod search;
 pub mod visibility;
 pub mod weight;

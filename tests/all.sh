@@ -47,6 +47,18 @@ step "the data folder"
 step "the crate"
 cargo test
 
+step "its pages in a browser"
+if [ ! -x /usr/bin/chromedriver ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    apt-get update -qq
+    apt-get install -y -qq --no-install-recommends chromium chromium-driver >/dev/null
+fi
+if [ -x /usr/bin/chromedriver ]; then
+    "$python" -m pip install --quiet --disable-pip-version-check -r tests/browser/requirements.txt
+    "$python" -m unittest discover tests/browser
+else
+    echo "skipped: /usr/bin/chromedriver is not there (Debian's chromium and chromium-driver)"
+fi
+
 step "the paper's experiments, in small"
 scans="${CFREG_DATA:-$PWD/../shared/data}"
 if [ -d "$scans" ]; then

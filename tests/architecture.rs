@@ -17,7 +17,8 @@ const FLOORS: &[(u8, &[&str])] = &[
     (5, &["method"]),
     (6, &["batch"]),
     (7, &["experiment"]),
-    (8, &["cli", "python"]),
+    (8, &["report"]),
+    (9, &["cli", "python"]),
 ];
 const SIDEWAYS: &[(&str, &str)] = &[("math", "error"), ("par", "error"), ("descriptor", "normals")];
 

@@ -348,8 +348,12 @@ fn the_readmes_commands_run() {
     assert!(readme.contains(&format!("printf '{}' > pairs.csv", pairs.escape_default())));
     std::fs::write(folder.path().join("pairs.csv"), pairs).unwrap();
     for line in lines {
+        let (line, file) = line.split_once(" > ").map_or((line, None), |(l, file)| (l, Some(file)));
         let output = cfreg(folder.path(), line);
         assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
+        if let Some(file) = file {
+            std::fs::write(folder.path().join(file), &output.stdout).unwrap();
+        }
     }
 }
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import copy
 import json
 import math
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -225,7 +227,8 @@ class Registration:
     refined_from : the Registration that this one refined, or None
 
     It cannot be changed, equals another in all but the seconds, pickles, and tells itself in a
-    line (repr), in a table (notebooks) and in full (to_dict).
+    line (repr), in a table with a picture (notebooks), on a page (report) and in full (to_dict).
+    It refers to the clouds until it is pickled.
     """
 
     transform: npt.NDArray[np.float64]
@@ -248,8 +251,9 @@ class Registration:
     certificate: dict[str, Any] | None
     refined_from: Registration | None
     _facts: dict[str, Any]
+    _clouds: tuple[Any, Any] | None
 
-    def __init__(self, facts: dict[str, Any]) -> None:
+    def __init__(self, facts: dict[str, Any], clouds: tuple[Any, Any] | None = None) -> None:
         own, facts = facts, copy.deepcopy(facts)  # what it shows may be written to
         transform = np.array(facts["transform"], dtype=np.float64)
         transform.setflags(write=False)
@@ -278,6 +282,7 @@ class Registration:
             certificate=facts.get("certificate"),
             refined_from=None if before is None else Registration(before),
             _facts=own,
+            _clouds=clouds,
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -318,6 +323,30 @@ class Registration:
         """The same as text."""
         return json.dumps(self._facts, indent=indent)
 
+    def report(self, path: str | os.PathLike[str], source: Any = None, target: Any = None) -> None:
+        """Write a page that shows the clouds before and after, whether to trust the pose and why.
+
+        It is one file that needs no network, as `cfreg register --report` writes it.
+
+        path : file to write
+        source, target : the clouds that were registered; those that this came from if they are
+            None, which results from pickles and of lists do not know any more
+
+        Raises SettingError where the clouds are not known.
+        """
+        given = self._known(source, target)
+        if given is None:
+            raise _native.SettingError("source, target: not known of this result any more: give both")
+        page = _native.report(self.to_json(), *given)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(page)
+
+    def _known(self, source: Any = None, target: Any = None) -> tuple[Any, Any] | None:
+        """The clouds: those given, else those that were registered."""
+        if source is None and target is None:
+            return self._clouds
+        return None if source is None or target is None else (source, target)
+
     def _weighed_by(self, weights: str, normalize: str) -> Registration:
         """The same with weights, of no name, named in the configuration."""
         facts = self.to_dict()
@@ -325,7 +354,7 @@ class Registration:
         while first.get("refined_from"):
             first = first["refined_from"]
         first["config"].update(weights=weights, normalization=normalize)
-        return Registration(facts)
+        return Registration(facts, self._clouds)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Registration, (self._facts,)
@@ -378,8 +407,20 @@ class Registration:
         )
         return (
             f"<div style='border-left:4px solid {colour};padding-left:8px'>"
-            f"<table>{table}</table><table>{matrix}</table></div>"
+            f"{self._picture()}<table>{table}</table><table>{matrix}</table></div>"
         )
+
+    def _picture(self) -> str:
+        """The aligned clouds as an image, where they are known."""
+        if self._clouds is None:
+            return ""
+        try:
+            png = _native.thumbnail(self.to_json(), *self._clouds, (420, 320))
+        except (_native.Error, TypeError):  # arrays that were changed since
+            return ""
+        data = base64.b64encode(png).decode()
+        told = "source (orange) and target (blue), aligned"
+        return f"<img alt='{told}' title='{told}' src='data:image/png;base64,{data}'/>"
 
 
 def _told(verdict: Verdict | None, trusted: bool) -> str:

@@ -43,6 +43,7 @@ pub use list::List;
 pub use panics::panics_go_to_rows;
 pub use places::Places;
 pub use row::Row;
+pub(crate) use row::symmetric;
 
 pub use crate::filter::Thinning;
 

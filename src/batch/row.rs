@@ -274,7 +274,7 @@ fn triangle(matrix: &Mat6) -> [f64; 21] {
 }
 
 /// The symmetric matrix with that upper triangle.
-pub(super) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
+pub(crate) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
     let mut matrix = [[0.0; 6]; 6];
     for (&value, (i, j)) in triangle.iter().zip(upper()) {
         matrix[i][j] = value;

@@ -34,9 +34,16 @@ pub(super) struct Benchmark {
     /// right
     #[arg(long, value_name = "STEM")]
     figure: Option<PathBuf>,
+    /// Writes index.html into this folder: a table of the rows, the worst first, that opens pages
+    /// of pairs with the true pose beside; these are registered once more
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Rows, the worst first, that have a page of their own
+    #[arg(long, value_name = "N", default_value_t = 20, requires = "report")]
+    pages: usize,
     /// Instead of registering: every pose that consensus settles, with its evidence and whether it
     /// is right, as CSV (python-ref/fit_verdict.py reads it)
-    #[arg(long, value_name = "CANDIDATES.csv", conflicts_with_all = ["method", "poses", "output", "figure"])]
+    #[arg(long, value_name = "CANDIDATES.csv", conflicts_with_all = ["method", "poses", "output", "figure", "report"])]
     candidates: Option<PathBuf>,
     /// Register the clouds where they stand, not moved at random
     #[arg(long)]
@@ -118,6 +125,17 @@ impl Benchmark {
         print(&report::markdown(&rows))?;
         if let Some(stem) = &self.figure {
             reliability::figure(&rows)?.save(stem)?;
+        }
+        if let Some(folder) = &self.report {
+            let bar = progress(1, "pages");
+            let follow = |done, all| {
+                bar.set_length(all as u64);
+                bar.set_position(done as u64);
+            };
+            par::with_threads(self.threads, || {
+                crate::report::benchmark(&rows, &pairs, settings, folder, self.pages, follow)
+            })??;
+            bar.finish_and_clear();
         }
         Ok(Outcome::Trusted)
     }

@@ -11,8 +11,10 @@ mod graph;
 mod options;
 mod outputs;
 mod pairs;
+mod pictured;
 mod reading;
 mod register;
+mod report;
 mod reproduce;
 mod trials;
 
@@ -41,6 +43,8 @@ struct Arguments {
 enum Command {
     /// Find the pose that maps one cloud into the frame of another
     Register(register::Register),
+    /// Show results that were kept: the page of what register --json printed, a table of rows
+    Report(report::Report),
     /// Say what is in files
     Info(clouds::Info),
     /// Write a cloud in another format, thinned or moved on the way
@@ -75,6 +79,7 @@ enum Outcome {
 pub fn main(meter: Option<Meter>) -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Register(command) => command.run(),
+        Command::Report(command) => command.run(),
         Command::Info(command) => command.run(),
         Command::Convert(command) => command.run(),
         Command::Evaluate(command) => command.run(),

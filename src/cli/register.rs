@@ -6,12 +6,14 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::MethodOptions;
+use super::pictured::Pictures;
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading, say};
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::method::{Consensus, Method, Register as _, Registration};
 use crate::quality::Doubt;
+use crate::report::Pair;
 use crate::{io, par};
 
 #[derive(Args)]
@@ -39,6 +41,8 @@ pub(super) struct Register {
     /// Also write the whole source, moved into the target's frame
     #[arg(long, value_name = "OUT.ply")]
     write_aligned: Option<PathBuf>,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// What `--json` prints: the registration, and what the command did around it.
@@ -50,6 +54,8 @@ struct Answer<'a> {
     target: String,
     thinning: &'a Thinning,
     viewpoints: Viewpoints,
+    /// As a shell takes it.
+    command: String,
 }
 
 impl Register {
@@ -59,12 +65,18 @@ impl Register {
         if let Some(path) = &self.write_aligned {
             io::writable(path)?;
         }
-        let outputs =
-            [("output", self.output.as_deref()), ("write-aligned", self.write_aligned.as_deref())];
+        self.pictures.check()?;
+        let [report, figure] = self.pictures.outputs();
+        let outputs = [
+            ("output", self.output.as_deref()),
+            ("write-aligned", self.write_aligned.as_deref()),
+            report,
+            figure,
+        ];
         outputs::check(&[&self.source, &self.target], &outputs)?;
         let threads = self.method.threads.unwrap_or(0);
         let bar = progress(0, "registering");
-        let mut registration = par::with_threads(threads, || {
+        let (mut registration, clouds) = par::with_threads(threads, || {
             let start = std::time::Instant::now();
             let files = [self.source.as_path(), &self.target];
             let [source, target] = reading::read_pair(files, &thinning, self.viewpoints)?;
@@ -75,7 +87,7 @@ impl Register {
                 registration = judged(registration, &judge, &source, &target)?;
             }
             registration.time_s.0.insert(0, ("read", seconds));
-            Ok::<_, Error>(registration)
+            Ok::<_, Error>((registration, [source, target]))
         })??;
         bar.finish_and_clear();
         if let Some(path) = &self.output {
@@ -93,14 +105,25 @@ impl Register {
         if !registration.trusted {
             say(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
         }
+        let answer = Answer {
+            registration: &registration,
+            source: self.source.display().to_string(),
+            target: self.target.display().to_string(),
+            thinning: &self.thinning,
+            viewpoints: self.viewpoints,
+            command: typed(),
+        };
+        if self.pictures.any() {
+            let bar = progress(0, "drawing");
+            let json = serde_json::to_string(&answer)
+                .map_err(|error| Error::io("the result", std::io::Error::other(error)))?;
+            let [source, target] = &clouds;
+            let pair = Pair::new(&json, source, target)?;
+            par::with_threads(threads, || self.pictures.write(&pair))??;
+            bar.finish_and_clear();
+        }
         if self.json {
-            print_json(&Answer {
-                registration: &registration,
-                source: self.source.display().to_string(),
-                target: self.target.display().to_string(),
-                thinning: &self.thinning,
-                viewpoints: self.viewpoints,
-            })?;
+            print_json(&answer)?;
         } else {
             say(&summary(&registration));
             print(&matrix_text(&registration.transform.matrix()))?;
@@ -120,6 +143,15 @@ fn judged(
     let pose = registration.transform;
     let verdict = seconds.time("verdict", || judge.judge(source, target, &pose))?;
     Ok(Registration { time_s: seconds, ..registration.with_verdict(verdict) })
+}
+
+/// The command line of this process, as a shell takes it.
+fn typed() -> String {
+    let words: Vec<String> =
+        std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    let words = std::iter::once("cfreg").chain(words.iter().map(String::as_str));
+    // Words with a zero byte cannot come from a command line.
+    shlex::try_join(words).unwrap_or_default()
 }
 
 /// What may help against a doubt, in options that the method takes.

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::experiment::paper::{self, Options, Part, cell::Test, models, readings, tables};
 use crate::experiment::scaling::{self, Meter};
 use crate::experiment::study;
-use crate::par;
+use crate::{io, par, report};
 
 #[derive(Args)]
 pub(super) struct Reproduce {
@@ -125,6 +125,7 @@ impl Reproduce {
         let study =
             par::with_threads(self.threads, || study::run(&options, &scenes, follow(&bar)))??;
         bar.finish_and_clear();
+        io::write_bytes(&options.output.join("index.html"), report::study(&study)?.as_bytes())?;
         print(&study.markdown())
     }
 

@@ -283,7 +283,11 @@ impl FullConnection {
     }
 
     /// Factors uᵢ and vⱼ after `rounds` of Sinkhorn-Knopp.
-    fn sinkhorn<K: WeightKernel>(&self, kernel: &K, rounds: u32) -> (Vec<f32>, Vec<f32>) {
+    pub(super) fn sinkhorn<K: WeightKernel>(
+        &self,
+        kernel: &K,
+        rounds: u32,
+    ) -> (Vec<f32>, Vec<f32>) {
         let (n, m) = (self.source.rows.len(), self.target.rows.len());
         let (mut u, mut v) = (Vec::new(), vec![1.0f32; m]);
         for _ in 0..rounds {

@@ -12,6 +12,7 @@
 
 mod connection;
 mod dense;
+mod entries;
 pub mod naive;
 mod pairs;
 mod reduce;
@@ -21,6 +22,7 @@ mod sums;
 mod tile;
 
 pub use connection::{FullConnection, check_tolerance};
+pub use entries::Entries;
 pub(crate) use pairs::check_indices;
 pub use pairs::{WeightedPair, of_pairs};
 pub use side::Described;

@@ -151,6 +151,23 @@ impl Reducer for Least {
     }
 }
 
+/// Largest value of each row and the column it is in, the lowest among equals.
+pub(super) struct Most {
+    pub(super) found: Vec<(f32, u32)>,
+}
+
+impl Reducer for Most {
+    #[inline(always)]
+    fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
+        let found = &mut self.found[row];
+        for (at, &weight) in (first as u32..).zip(weights) {
+            if weight > found.0 {
+                *found = (weight, at);
+            }
+        }
+    }
+}
+
 #[inline(always)]
 fn lane(values: &[f32], at: usize) -> &[f32; LANES] {
     values[at..at + LANES].try_into().expect("the slice has LANES values")

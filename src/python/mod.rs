@@ -26,6 +26,7 @@ mod files;
 mod foreign;
 mod moments;
 mod registration;
+mod report;
 mod rows;
 mod weights;
 
@@ -51,6 +52,8 @@ mod _native {
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
     use super::registration::{evaluate, judge, register, rotation_vector, settings};
+    #[pymodule_export]
+    use super::report::{report, thumbnail};
     #[pymodule_export]
     use super::weights::{check_kernel, kernel_weights};
 

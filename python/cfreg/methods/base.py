@@ -66,7 +66,7 @@ class Method:
         self, source: Any, target: Any, refine: Refinements, **others: Any
     ) -> Registration:
         found = _native.register(source, target, self._named(), _refinements(refine), **others)
-        return Registration(json.loads(found))
+        return Registration(json.loads(found), (source, target))
 
     def __repr__(self) -> str:
         """Only what differs from the defaults."""

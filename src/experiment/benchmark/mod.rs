@@ -197,7 +197,39 @@ fn one(
     Ok(row)
 }
 
+/// A pair, registered once more.
+pub struct Again {
+    /// Moved as it was.
+    pub source: PointCloud,
+    /// As in its file.
+    pub target: PointCloud,
+    /// What was found.
+    pub found: Registration,
+    /// The true pose of the moved source, if the list has one.
+    pub truth: Option<Transform>,
+}
+
+/// Does once more what [`run`] did with the pair that comes as the `number`-th of its list.
+///
+/// # Errors
+/// Those of reading clouds, and of the method.
+pub fn again(pair: &Pair, number: usize, method: &Chain, settings: Settings) -> Result<Again> {
+    let Posed { moved, target, motion, .. } =
+        Posed::new(pair, number, settings, &mut Clouds::default())?;
+    let found = method.register(&moved, &target)?;
+    let truth = pair.truth.as_ref().map(|truth| truth.after(&motion.inverse()));
+    Ok(Again { source: moved, target, found, truth })
+}
+
 impl Row {
+    /// Whether it is of this pair.
+    pub fn is_of(&self, pair: &Pair) -> bool {
+        let same = |name: &str, path: &Path| name == path.display().to_string();
+        same(&self.source, &pair.source)
+            && same(&self.target, &pair.target)
+            && self.dataset == pair.dataset
+    }
+
     /// Of a pair without an answer yet.
     fn new(pair: &Pair, method: &str, rule: Rule, seconds: f64) -> Row {
         let path = |path: &Path| path.display().to_string();

@@ -3,6 +3,7 @@
 mod axis;
 mod curves;
 mod points;
+mod scene;
 
 use std::path::Path;
 use std::sync::Once;
@@ -13,6 +14,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 use crate::error::{Error, Result};
+use crate::io;
 
 /// Panels in rows.
 #[derive(Debug, Clone)]
@@ -39,6 +41,8 @@ pub struct Panel {
 pub enum Content {
     /// Sets of points in the plane, at one scale on both axes, the later ones on top.
     Points(Vec<Dots>),
+    /// Points in space as they are seen from one side, at one scale on both axes.
+    Scene(Scene),
     /// Curves over labelled axes.
     Curves {
         /// Label of the abscissa, with its unit.
@@ -59,6 +63,30 @@ pub struct Dots {
     pub name: String,
     /// Coordinates, to the right and upwards.
     pub points: Vec<[f64; 2]>,
+}
+
+/// Points that hide each other.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// What is shown below the panel, and in which colour.
+    pub names: Vec<(String, [u8; 3])>,
+    /// The later ones on top.
+    pub dots: Vec<Dot>,
+    /// Middle of the panel, and how far it reaches at least on every side of it.
+    pub middle: [f64; 2],
+    /// In the unit of the dots.
+    pub reach: f64,
+    /// Radius of a dot, in that unit; a pixel at least.
+    pub radius: f64,
+}
+
+/// A point of a scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Dot {
+    /// To the right and upwards.
+    pub at: [f64; 2],
+    /// Red, green, blue.
+    pub colour: [u8; 3],
 }
 
 /// How values are laid out along axes. What is not above zero is left out of a logarithmic
@@ -107,30 +135,63 @@ impl Figure {
     /// # Errors
     /// [`Error::Io`].
     pub fn save(&self, stem: &Path) -> Result<()> {
+        let (svg, png) = (stem.with_extension("svg"), stem.with_extension("png"));
+        io::write_bytes(&svg, self.svg()?.as_bytes())?;
+        io::write_bytes(&png, &self.png()?)
+    }
+
+    /// As the text of an SVG.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for what cannot be drawn.
+    pub fn svg(&self) -> Result<String> {
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, self.pixels()).into_drawing_area();
+        self.draw(&area).map_err(|error| failed(&error))?;
+        drop(area);
+        Ok(text)
+    }
+
+    /// As the bytes of a PNG.
+    ///
+    /// # Errors
+    /// [`Error::Io`] for what cannot be drawn.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let (width, height) = self.pixels();
+        let mut pixels = vec![0; 3 * width as usize * height as usize];
+        let area = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+        self.draw(&area).map_err(|error| failed(&error))?;
+        drop(area);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let written = encoder.write_header().and_then(|mut file| file.write_image_data(&pixels));
+        written.map_err(|error| failed(&error))?;
+        Ok(bytes)
+    }
+
+    fn rows(&self) -> usize {
+        self.panels.len().div_ceil(self.columns.max(1)).max(1)
+    }
+
+    /// Width and height of all of it.
+    fn pixels(&self) -> (u32, u32) {
+        (self.size.0 * self.columns.max(1) as u32, self.size.1 * self.rows() as u32)
+    }
+
+    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Drawn<B> {
         static FONTS: Once = Once::new();
         // The same letters on every machine, also where there are no fonts.
         FONTS.call_once(|| {
             let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
         });
-        let columns = self.columns.max(1);
-        let rows = self.panels.len().div_ceil(columns).max(1);
-        let size = (self.size.0 * columns as u32, self.size.1 * rows as u32);
-        let (svg, png) = (stem.with_extension("svg"), stem.with_extension("png"));
-        let failed = |path: &Path, error: &dyn std::fmt::Display| {
-            Error::io(path, std::io::Error::other(error.to_string()))
-        };
-        let area = SVGBackend::new(&svg, size).into_drawing_area();
-        self.draw(&area, rows).map_err(|error| failed(&svg, &error))?;
-        let area = BitMapBackend::new(&png, size).into_drawing_area();
-        self.draw(&area, rows).map_err(|error| failed(&png, &error))
-    }
-
-    fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, rows: usize) -> Drawn<B> {
         area.fill(&WHITE)?;
-        for (panel, place) in self.panels.iter().zip(area.split_evenly((rows, self.columns.max(1))))
-        {
+        let places = area.split_evenly((self.rows(), self.columns.max(1)));
+        for (panel, place) in self.panels.iter().zip(places) {
             match &panel.content {
                 Content::Points(sets) => points::draw(&place, &panel.title, sets)?,
+                Content::Scene(scene) => scene::draw(&place, &panel.title, scene)?,
                 Content::Curves { x, y, axes, curves } => {
                     curves::draw(&place, &panel.title, [x, y], *axes, curves)?;
                 }
@@ -138,6 +199,10 @@ impl Figure {
         }
         area.present()
     }
+}
+
+fn failed(error: &dyn std::fmt::Display) -> Error {
+    Error::io("a figure", std::io::Error::other(error.to_string()))
 }
 
 type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
@@ -171,6 +236,12 @@ mod tests {
             Content::Curves { x: "".into(), y: "".into(), axes: Axes::Linear, curves: vec![] },
             Content::Points(vec![dots("target", 1.0), dots("source", 3.0)]),
             Content::Points(vec![]),
+            Content::Scene(Scene {
+                names: vec![("in space".into(), [0, 114, 178])],
+                dots: vec![Dot { at: [0.5, 0.5], colour: [213, 94, 0] }],
+                reach: 1.0,
+                ..Scene::default()
+            }),
         ];
         let panel = |content| Panel { title: "A panel".into(), content };
         Figure { panels: contents.map(panel).into(), columns: 2, size: (480, 340) }
@@ -187,7 +258,7 @@ mod tests {
         let [svg, png] = saved("one");
         assert!(svg.starts_with(b"<svg") && png.starts_with(b"\x89PNG"));
         let words = String::from_utf8_lossy(&svg).into_owned();
-        for word in ["A panel", "curve 8", "curve 9", "seconds", "target"] {
+        for word in ["A panel", "curve 8", "curve 9", "seconds", "target", "in space"] {
             assert!(words.contains(word), "{word}");
         }
         // Names of the three panels of curves, none where there is nothing to name.

@@ -1,15 +1,16 @@
 //! Panels of points in the plane.
 
 use plotters::coord::Shift;
+use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 
 use super::{COLOURS, Dots, Drawn, FONT, text};
 
 /// Height of the title, pixels.
-const TITLE: u32 = 34;
+pub(super) const TITLE: u32 = 34;
 /// Height of the line of names, pixels.
 const NAMES: u32 = 24;
-const EDGE: f64 = 8.0;
+pub(super) const EDGE: f64 = 8.0;
 
 pub(super) fn draw<B: DrawingBackend>(
     place: &DrawingArea<B, Shift>,
@@ -18,11 +19,9 @@ pub(super) fn draw<B: DrawingBackend>(
 ) -> Drawn<B> {
     let (title_place, rest) = place.split_vertically(TITLE);
     title_place.margin(4, 0, 0, 0).titled(title, (FONT, 18))?;
-    let names = if sets.iter().any(|set| !set.name.is_empty()) { NAMES } else { 0 };
-    let (plot, names_place) = rest.split_vertically(rest.dim_in_pixel().1.saturating_sub(names));
-    if names > 0 {
-        list(&names_place, sets)?;
-    }
+    let named: Vec<(&str, RGBColor)> =
+        sets.iter().zip(COLOURS.iter().cycle()).map(|(set, &c)| (set.name.as_str(), c)).collect();
+    let plot = list(&rest, &named)?;
     let size = plot.dim_in_pixel();
     let (low, high) = central(sets.iter().flat_map(|set| &set.points));
     // One scale for both axes: the tighter one.
@@ -43,25 +42,33 @@ pub(super) fn draw<B: DrawingBackend>(
     Ok(())
 }
 
-/// Names and colours in one line, in the middle.
-fn list<B: DrawingBackend>(place: &DrawingArea<B, Shift>, sets: &[Dots]) -> Drawn<B> {
+/// Names that are not empty, with their colours, in one line below; what is left above it.
+pub(super) fn list<B: DrawingBackend>(
+    place: &DrawingArea<B, Shift>,
+    named: &[(&str, RGBColor)],
+) -> Result<DrawingArea<B, Shift>, DrawingAreaErrorKind<B::ErrorType>> {
     const DOT: i32 = 12;
     const GAP: i32 = 18;
-    let named = || sets.iter().zip(COLOURS.iter().cycle()).filter(|(set, _)| !set.name.is_empty());
+    let named: Vec<_> = named.iter().filter(|(name, _)| !name.is_empty()).collect();
+    if named.is_empty() {
+        return Ok(place.clone());
+    }
+    let above = place.dim_in_pixel().1.saturating_sub(NAMES);
+    let (plot, place) = place.split_vertically(above);
     let mut widths = Vec::new();
-    for (set, _) in named() {
-        widths.push(DOT + place.estimate_text_size(&set.name, &text())?.0 as i32);
+    for (name, _) in &named {
+        widths.push(DOT + place.estimate_text_size(name, &text())?.0 as i32);
     }
     let all = widths.iter().sum::<i32>() + GAP * (widths.len() as i32 - 1);
     let (width, height) = place.dim_in_pixel();
     let mut x = (width as i32 - all) / 2;
-    for ((set, colour), width) in named().zip(widths) {
+    for ((name, colour), width) in named.into_iter().zip(widths) {
         let middle = height as i32 / 2;
         place.draw(&Circle::new((x + 3, middle), 4, colour.filled()))?;
-        place.draw(&Text::new(set.name.as_str(), (x + DOT, middle), text()))?;
+        place.draw(&Text::new(*name, (x + DOT, middle), text()))?;
         x += width + GAP;
     }
-    Ok(())
+    Ok(plot)
 }
 
 /// A box about the points that stray ones do not blow up: about the central nine tenths of

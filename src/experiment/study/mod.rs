@@ -24,6 +24,7 @@ pub use trials::Outcome;
 
 use self::ranking::Errors;
 use self::trials::{Draws, Entrant};
+use super::figure::Figure;
 use super::sheet;
 use crate::error::{Error, Result};
 use crate::io;
@@ -58,6 +59,12 @@ impl Study {
     /// The ranking, the errors behind it, and what each choice is worth, as tables.
     pub fn markdown(&self) -> String {
         tables::markdown(self)
+    }
+
+    /// The finalists against overlap, noise and outliers, and what the screening says of
+    /// bandwidths and neighbourhoods, as curves.
+    pub fn figure(&self) -> Figure {
+        pictures::figure(self)
     }
 }
 
@@ -134,7 +141,7 @@ pub fn run(
     let study = Study { screened, standings, finals, trials: [few, many] };
     let ranking = options.output.join("ranking.md");
     io::write_bytes(&ranking, study.markdown().as_bytes())?;
-    pictures::draw(&study, &options.output)?;
+    study.figure().save(&options.output.join("fig12-weights"))?;
     Ok(study)
 }
 

@@ -1,22 +1,16 @@
 //! The study as a figure.
 
-use std::path::Path;
-
 use super::condition::Condition;
 use super::scheme::{Place, Points};
 use super::tables::of;
 use super::{BESIDE, Outcome, Screened, Study};
-use crate::error::Result;
 use crate::experiment::Spread;
 use crate::experiment::figure::{Axes, Content, Curve, Figure, Panel};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// Writes `fig12-weights` to `folder`: the finalists against overlap, noise and outliers, and
-/// what the screening says of bandwidths and neighbourhoods.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io).
-pub(super) fn draw(study: &Study, folder: &Path) -> Result<()> {
+/// The finalists against overlap, noise and outliers, and what the screening says of bandwidths
+/// and neighbourhoods.
+pub(super) fn figure(study: &Study) -> Figure {
     let panels = vec![
         against(study, "overlap", "share of the source's view that is common"),
         against(study, "noise", "standard deviation of the noise (m)"),
@@ -25,7 +19,7 @@ pub(super) fn draw(study: &Study, folder: &Path) -> Result<()> {
         bandwidths(study, Condition::Independent),
         bandwidths(study, Condition::Noise(0.01)),
     ];
-    Figure { panels, columns: 2, size: (660, 380) }.save(&folder.join("fig12-weights"))
+    Figure { panels, columns: 2, size: (660, 380) }
 }
 
 /// Errors of the steps from the paper's scheme to the best, and of TEASER, over the amount of

@@ -160,6 +160,7 @@ fn matched([source, target]: &[Arc<Surface>; 2], length: f64) -> Result<Matches>
         weights: pairs.iter().map(weight).collect(),
         source: pairs.iter().map(|&(i, _)| source.points[i as usize]).collect(),
         target: pairs.iter().map(|&(_, j)| target.points[j as usize]).collect(),
+        pairs,
         length,
     })
 }

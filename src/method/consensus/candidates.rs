@@ -51,10 +51,7 @@ impl Consensus {
     /// Those of `register`.
     pub fn candidates(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<Judged>> {
         par::with_threads(self.threads, || {
-            let times = &mut Timings::default();
-            let search = self.search(source.into(), target.into(), times)?;
-            let pose = search.found();
-            let search = search.without_carriers(&pose, times);
+            let search = self.search(source.into(), target.into(), &mut Timings::default())?;
             let mut judged = Vec::new();
             for attempt in &search.attempts {
                 let [from, onto] = &attempt.surfaces;

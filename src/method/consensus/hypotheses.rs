@@ -31,6 +31,8 @@ pub(super) struct Matches {
     pub(super) target: Vec<[f32; 3]>,
     /// How much each match counts where poses are solved: its points' weights.
     pub(super) weights: Vec<f64>,
+    /// The points of each, by their number on either surface.
+    pub(super) pairs: Vec<(u32, u32)>,
     /// The length of both scans.
     pub(super) length: f64,
 }
@@ -69,9 +71,13 @@ impl Matches {
 
     /// Matches that agree with `pose` ([`Hypothesis::support`]).
     pub(super) fn support(&self, pose: &Transform) -> f64 {
+        self.agreement(pose).sum()
+    }
+
+    /// Of each match 1 − r²/τ², or 0 where its residual r is above τ.
+    pub(super) fn agreement(&self, pose: &Transform) -> impl Iterator<Item = f64> {
         let square = self.reach().powi(2);
-        let agrees = |k| (1.0 - self.squared_residual(pose, k) / square).max(0.0);
-        (0..self.len()).map(agrees).sum()
+        (0..self.len()).map(move |k| (1.0 - self.squared_residual(pose, k) / square).max(0.0))
     }
 
     fn solve(
@@ -176,7 +182,8 @@ mod tests {
             source.push(from.map(|x| x as f32));
             target.push(onto.map(|x| x as f32));
         }
-        Matches { weights: vec![1.0; source.len()], source, target, length: 1.0 }
+        let pairs = (0..source.len() as u32).map(|k| (k, k)).collect();
+        Matches { weights: vec![1.0; source.len()], source, target, pairs, length: 1.0 }
     }
 
     #[test]

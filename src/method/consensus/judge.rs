@@ -55,7 +55,7 @@ impl Consensus {
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.search((&*scaled).into(), target.into(), times)?;
+            let search = self.search_whole((&*scaled).into(), target.into(), times)?;
             Ok::<_, Error>(search.without_carriers(&rigid, times).verdict_on(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {

@@ -3,6 +3,7 @@
 mod answer;
 mod attempt;
 mod candidates;
+mod connections;
 mod evidence;
 mod hypotheses;
 mod judge;
@@ -164,12 +165,23 @@ impl Consensus {
 
     fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let mut times = Timings::default();
-        let search = self.search(source, target, &mut times)?;
-        let pose = search.found();
-        search.without_carriers(&pose, &mut times).answer(times)
+        self.search(source, target, &mut times)?.answer(times)
     }
 
+    /// The search whose best pose is the answer.
     fn search<'a>(
+        &self,
+        source: Cached<'a>,
+        target: Cached<'a>,
+        times: &mut Timings,
+    ) -> Result<Search<'a>> {
+        let search = self.search_whole(source, target, times)?;
+        let pose = search.found();
+        Ok(search.without_carriers(&pose, times))
+    }
+
+    /// The search among all that belongs to the place, and what travels with the sensors.
+    fn search_whole<'a>(
         &self,
         source: Cached<'a>,
         target: Cached<'a>,

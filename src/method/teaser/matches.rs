@@ -14,7 +14,10 @@ pub(super) struct Matches {
 
 /// Pairs of points that are each other's nearest by descriptor, or, without the check, every
 /// source point with its nearest target point.
-pub(super) fn similar(connection: &FullConnection, cross_check: bool) -> Vec<(u32, u32)> {
+pub(in crate::method) fn similar(
+    connection: &FullConnection,
+    cross_check: bool,
+) -> Vec<(u32, u32)> {
     if cross_check {
         return connection.mutual();
     }

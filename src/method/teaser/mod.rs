@@ -3,7 +3,7 @@
 mod certificate;
 mod clique;
 mod inliers;
-mod matches;
+pub(super) mod matches;
 mod rotation;
 mod voting;
 
@@ -221,10 +221,7 @@ impl Teaser {
             let rule = format!("at most {MOST_MATCHES} can be compared: thin the clouds first");
             return Err(Error::config("matches", matches.len(), rule));
         }
-        let bound = match self.noise_bound {
-            Some(bound) => bound,
-            None => self.default_bound(source, target)?,
-        };
+        let bound = self.bound(source, target)?;
         // Both points of a difference may be off.
         let difference_bound = 2.0 * bound;
         let scale = match self.estimate_scale {
@@ -302,6 +299,11 @@ impl Teaser {
             cost_threshold: self.cost_threshold,
             max_iterations: self.max_iterations,
         }
+    }
+
+    /// The noise bound in force.
+    pub(super) fn bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
+        self.noise_bound.map_or_else(|| self.default_bound(source, target), Ok)
     }
 
     /// With an unknown scale only the target's resolution is in the target's unit.

@@ -1,0 +1,65 @@
+//! `--report` and `--figure`: what came of a registration, to be looked at.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::error::{Error, Result};
+use crate::io;
+use crate::report::Pair;
+
+#[derive(Args, Clone)]
+pub(super) struct Pictures {
+    /// Write a page that shows the clouds before and after, whether to trust the pose and why;
+    /// one file, which needs no network
+    #[arg(long, value_name = "OUT.html")]
+    pub(super) report: Option<PathBuf>,
+    /// Write a picture of the clouds before and after, by its extension .png or .svg
+    #[arg(long, value_name = "OUT.png")]
+    pub(super) figure: Option<PathBuf>,
+}
+
+impl Pictures {
+    /// Whether any is wanted.
+    pub(super) fn any(&self) -> bool {
+        self.report.is_some() || self.figure.is_some()
+    }
+
+    /// Files to be written, by their options.
+    pub(super) fn outputs(&self) -> [(&'static str, Option<&Path>); 2] {
+        [("report", self.report.as_deref()), ("figure", self.figure.as_deref())]
+    }
+
+    /// Refuses a figure of no known kind.
+    pub(super) fn check(&self) -> Result<()> {
+        self.figure.as_deref().map_or(Ok(()), |path| kind(path).map(|_| ()))
+    }
+
+    pub(super) fn write(&self, pair: &Pair<'_>) -> Result<()> {
+        if let Some(path) = &self.report {
+            io::write_bytes(path, pair.html()?.as_bytes())?;
+        }
+        if let Some(path) = &self.figure {
+            let figure = pair.figure()?;
+            match kind(path)? {
+                Kind::Svg => io::write_bytes(path, figure.svg()?.as_bytes())?,
+                Kind::Png => io::write_bytes(path, &figure.png()?)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+enum Kind {
+    Png,
+    Svg,
+}
+
+fn kind(path: &Path) -> Result<Kind> {
+    let end = path.extension().map(|end| end.to_string_lossy().to_lowercase());
+    match end.as_deref() {
+        Some("png") => Ok(Kind::Png),
+        Some("svg") => Ok(Kind::Svg),
+        _ => Err(Error::config("figure", path.display(), "must end in .png or .svg")),
+    }
+}

@@ -1,0 +1,100 @@
+//! `cfreg report`: pages of results that were kept.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::pictured::Pictures;
+use super::{Outcome, outputs, progress, reading, say};
+use crate::batch;
+use crate::cloud::Viewpoints;
+use crate::error::{Error, Result};
+use crate::report::{Bulk, Kept};
+
+#[derive(Args)]
+pub(super) struct Report {
+    /// What `cfreg register --json` printed: a page; or rows of `cfreg batch` (.csv, .jsonl,
+    /// .parquet or a folder of these): a table, the worst first, that opens pages of pairs.
+    /// Clouds are looked for where they were, then from beside this file
+    result: PathBuf,
+    /// The page, or the folder of the table [default: the result's name with .html, or without
+    /// an ending and -report]
+    #[arg(short, long, value_name = "OUT")]
+    output: Option<PathBuf>,
+    /// Also write a picture of the clouds before and after, by its extension .png or .svg
+    #[arg(long, value_name = "OUT.png")]
+    figure: Option<PathBuf>,
+    /// Folder that the files of rows are relative to [default: that of the rows]
+    #[arg(long, value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Rows, the worst first, that have a page of their own
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pages: usize,
+    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    viewpoints: Viewpoints,
+}
+
+impl Report {
+    pub(super) fn run(&self) -> Result<Outcome> {
+        let end = self.result.extension().map(|end| end.to_string_lossy().to_lowercase());
+        let rows = matches!(end.as_deref(), Some("csv" | "jsonl" | "parquet"));
+        if rows || self.result.is_dir() { self.table() } else { self.page() }
+    }
+
+    fn table(&self) -> Result<Outcome> {
+        if let Some(figure) = &self.figure {
+            let rule = "is of one result, not of rows: leave it out";
+            return Err(Error::config("figure", figure.display(), rule));
+        }
+        let rows = batch::results::read(&self.result)?;
+        let stem = self.result.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let beside = || self.result.with_file_name(format!("{stem}-report"));
+        let output = self.output.clone().unwrap_or_else(beside);
+        let own = self.result.parent().unwrap_or(Path::new(""));
+        let bulk = Bulk {
+            clouds: self.folder.as_deref().unwrap_or(own),
+            output: &output,
+            pages: self.pages,
+            viewpoints: self.viewpoints,
+        };
+        let bar = progress(1, "pages");
+        let made = bulk.write(&rows, |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        let index = output.join("index.html");
+        say(&format!("cfreg: {} rows, {made} pages: {}\n", rows.len(), index.display()));
+        Ok(Outcome::Trusted)
+    }
+
+    fn page(&self) -> Result<Outcome> {
+        let output = self.output.clone().unwrap_or_else(|| self.result.with_extension("html"));
+        let pictures = Pictures { report: Some(output), figure: self.figure.clone() };
+        pictures.check()?;
+        let kept = Kept::read(&self.result)?;
+        let [source, target] = kept.files()?.map(|file| self.found(file));
+        let (source, target) = (source?, target?);
+        outputs::check(&[&self.result, &source, &target], &pictures.outputs())?;
+        let bar = progress(0, "drawing");
+        let [source, target] =
+            reading::read_pair([&source, &target], &kept.thinning(), kept.viewpoints())?;
+        pictures.write(&kept.pair(&source, &target)?)?;
+        bar.finish_and_clear();
+        Ok(Outcome::Trusted)
+    }
+
+    /// Where a cloud is that the result names.
+    fn found(&self, named: &Path) -> Result<PathBuf> {
+        let beside = self.result.parent().unwrap_or(Path::new("")).join(named);
+        let places = [named.to_path_buf(), beside];
+        places.into_iter().find(|place| place.is_file()).ok_or_else(|| {
+            let what = format!(
+                "names the cloud {}, which is neither there nor beside this file: put it back, or \
+                 register again with --report",
+                named.display()
+            );
+            Error::parse(&self.result, None, what)
+        })
+    }
+}

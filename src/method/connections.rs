@@ -1,0 +1,241 @@
+//! What a method connected: the weights themselves, for those who want to see why a pose came
+//! out as it did.
+
+use faer::Mat;
+
+use super::registration::Timings;
+use super::teaser::matches::similar;
+use super::{Cf, Cfk, Method, Teaser};
+use crate::cloud::{Descriptors, PointCloud, Transform};
+use crate::error::Result;
+use crate::keypoint::Keypoints;
+use crate::math::{self, Vec3};
+use crate::moments::{Described, Entries, FullConnection};
+use crate::par;
+use crate::search::SearchTree;
+use crate::weight::{Bandwidth, Normalization, WeightScheme};
+
+/// The points that a method compared, and how strongly it connected them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Connections {
+    /// Whether all points of both were connected; else what was matched alone.
+    pub full: bool,
+    /// Places of the compared points of source and target, each in its cloud's own frame.
+    pub points: [Vec<Vec3>; 2],
+    /// What weight each of them received in all, 0 or more.
+    pub received: [Vec<f64>; 2],
+    /// Of a full connection the heaviest of every source point; of matches all of them, by how
+    /// well they agree with the pose, from 0 to 1. Heaviest first.
+    pub links: Vec<Link>,
+    /// Part of W; of matches, how alike the descriptors are that they were made from.
+    pub matrix: Matrix,
+}
+
+/// A connection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// Number of the source point.
+    pub source: u32,
+    /// Number of the target point.
+    pub target: u32,
+    /// Its weight, 0 or more.
+    pub weight: f64,
+}
+
+/// Weights between some points of the source and those points of the target that the pose puts
+/// them on: what the pose says belongs together stands on the diagonal.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Matrix {
+    /// Numbers of the source points.
+    pub rows: Vec<u32>,
+    /// Of each of them the nearest target point under the pose.
+    pub columns: Vec<u32>,
+    /// How far apart the two are, in the target's unit.
+    pub apart: Vec<f64>,
+    /// The descriptor of each row along the direction in which these differ most: points that
+    /// look alike are near each other by it.
+    pub looks: Vec<f64>,
+    /// Row by row.
+    pub weights: Vec<f32>,
+}
+
+/// Most rows of a matrix.
+const SIDE: usize = 144;
+
+impl Method {
+    /// What this method connects between the clouds that it was given, seen under the `pose` that
+    /// it found: its work up to the weights is done again. `None` for those that connect points
+    /// by where the pose puts them, and for weights that have no name ([`Cf::register_by`]).
+    ///
+    /// # Errors
+    /// Those of [`Register::register`](super::Register::register).
+    ///
+    /// ```
+    /// use cfreg::method::{Method, Register};
+    /// # use cfreg::experiment::shape::boulder;
+    /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
+    /// let method: Method = "cf".parse()?;
+    /// let found = method.register(&source, &target)?;
+    /// let connections = method.connections(&source, &target, &found.transform)?.unwrap();
+    /// assert_eq!(connections.links.len(), 600);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn connections(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pose: &Transform,
+    ) -> Result<Option<Connections>> {
+        match self {
+            Method::Cf(Cf { weights: WeightScheme::Custom, .. }) => Ok(None),
+            Method::Cfk(Cfk { connection, .. }) if connection.weights == WeightScheme::Custom => {
+                Ok(None)
+            }
+            Method::Cf(cf) => cf.connections(source, target, pose, None).map(Some),
+            Method::Cfk(Cfk { keypoints, connection }) => {
+                connection.connections(source, target, pose, Some(keypoints)).map(Some)
+            }
+            Method::Consensus(consensus) => consensus.connections(source, target, pose).map(Some),
+            Method::Teaser(teaser) => teaser.connections(source, target, pose).map(Some),
+            Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => Ok(None),
+        }
+    }
+}
+
+impl Cf {
+    fn connections(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pose: &Transform,
+        detector: Option<&Keypoints>,
+    ) -> Result<Connections> {
+        par::with_threads(self.threads, || {
+            let mut times = Timings::default();
+            let source = self.describe.prepare_at(source, "the source", detector, &mut times)?;
+            let target = self.describe.prepare_at(target, "the target", detector, &mut times)?;
+            let [source, target] = self.describe.joined([source, target])?;
+            let connection = source.connection(&target)?;
+            let beta = connection.bandwidth(self.bandwidth())?;
+            let ends = [source.described(), target.described()];
+            let mut matrix = Matrix::places(ends, pose)?;
+            let Matrix { rows, columns, .. } = &matrix;
+            let found =
+                connection.entries(self.weights, beta, self.normalization, rows, columns)?;
+            let Entries { source_sums, target_sums, heaviest, block } = found;
+            matrix.weights = block;
+            let links = heaviest.iter().zip(0..);
+            let links = links.map(|(&(weight, target), source)| Link {
+                source,
+                target,
+                weight: f64::from(weight),
+            });
+            Ok(Connections {
+                full: true,
+                points: ends.map(places),
+                received: [source_sums, target_sums],
+                links: sorted(links.collect()),
+                matrix,
+            })
+        })?
+    }
+}
+
+impl Teaser {
+    fn connections(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pose: &Transform,
+    ) -> Result<Connections> {
+        par::with_threads(self.threads, || {
+            let mut times = Timings::default();
+            let bound = self.bound(source.into(), target.into())?;
+            let source = self.describe.prepare(source, "the source", &mut times)?;
+            let target = self.describe.prepare(target, "the target", &mut times)?;
+            let [source, target] = self.describe.joined([source, target])?;
+            let ends = [source.described(), target.described()];
+            let pairs = similar(&FullConnection::new(ends[0], ends[1])?, self.cross_check);
+            let [p, q] = ends.map(places);
+            let agreement = pairs.iter().map(|&(i, j)| {
+                let off = math::sub(pose.apply(p[i as usize]), q[j as usize]);
+                (1.0 - math::dot(off, off) / (bound * bound)).max(0.0)
+            });
+            Connections::of_matches(ends, &pairs, agreement, pose)
+        })?
+    }
+}
+
+impl Connections {
+    /// Of matched points, and how well each match agrees with the pose.
+    pub(super) fn of_matches(
+        ends: [Described<'_>; 2],
+        pairs: &[(u32, u32)],
+        agreement: impl Iterator<Item = f64>,
+        pose: &Transform,
+    ) -> Result<Connections> {
+        let connection = FullConnection::new(ends[0], ends[1])?;
+        let beta = connection.bandwidth(Bandwidth::Auto(Bandwidth::DEFAULT_SHARE))?;
+        let mut matrix = Matrix::places(ends, pose)?;
+        let Matrix { rows, columns, .. } = &matrix;
+        let likeness = (WeightScheme::Gaussian, Normalization::Both);
+        matrix.weights = connection.entries(likeness.0, beta, likeness.1, rows, columns)?.block;
+        let points = ends.map(places);
+        let mut received = points.each_ref().map(|points| vec![0.0; points.len()]);
+        let mut links = Vec::new();
+        for (&(source, target), weight) in pairs.iter().zip(agreement) {
+            received[0][source as usize] += weight;
+            received[1][target as usize] += weight;
+            links.push(Link { source, target, weight });
+        }
+        Ok(Connections { full: false, points, received, links: sorted(links), matrix })
+    }
+}
+
+impl Matrix {
+    /// The points of a matrix that has no weights yet.
+    fn places([source, target]: [Described<'_>; 2], pose: &Transform) -> Result<Matrix> {
+        let tree = SearchTree::new(target.points)?;
+        let step = source.points.len().div_ceil(SIDE).max(1);
+        let rows: Vec<u32> = (0..source.points.len() as u32).step_by(step).collect();
+        let (mut columns, mut apart) = (Vec::new(), Vec::new());
+        for &row in &rows {
+            let place = math::add(source.points[row as usize].map(f64::from), source.origin);
+            let moved = math::sub(pose.apply(place), target.origin).map(|x| x as f32);
+            let nearest = tree.nearest(&moved);
+            columns.push(nearest.index);
+            apart.push(f64::from(nearest.squared_distance).sqrt());
+        }
+        let looks = principal(source.descriptors, &rows);
+        Ok(Matrix { rows, columns, apart, looks, weights: Vec::new() })
+    }
+}
+
+/// The named rows along their first principal component.
+fn principal(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
+    let (n, dim) = (rows.len(), descriptors.dim());
+    let row = |k: usize| descriptors.row(rows[k] as usize);
+    let mut mean = vec![0.0; dim];
+    for k in 0..n {
+        mean.iter_mut().zip(row(k)).for_each(|(sum, &x)| *sum += f64::from(x) / n as f64);
+    }
+    let centred = Mat::from_fn(n, dim, |k, d| f64::from(row(k)[d]) - mean[d]);
+    let Ok(parts) = centred.thin_svd() else { return vec![0.0; n] };
+    let first = parts.V().col(0);
+    // Of either sign: the one whose largest part is above 0.
+    let largest =
+        (0..dim).map(|d| first[d]).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+    let sign = if largest < 0.0 { -1.0 } else { 1.0 };
+    (0..n).map(|k| sign * (0..dim).map(|d| centred[(k, d)] * first[d]).sum::<f64>()).collect()
+}
+
+/// Places of a side's points in its cloud's own frame.
+fn places(side: Described<'_>) -> Vec<Vec3> {
+    side.points.iter().map(|p| math::add(p.map(f64::from), side.origin)).collect()
+}
+
+/// Heaviest first; of equal ones those of the first source points.
+fn sorted(mut links: Vec<Link>) -> Vec<Link> {
+    links.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    links
+}

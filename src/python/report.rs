@@ -1,0 +1,43 @@
+//! Pages and pictures of results.
+
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use super::any_cloud::AnyCloud;
+use super::doorway::released;
+use super::foreign::BadRows;
+use crate::report::Pair;
+
+/// The page of a result, given as JSON, and of the clouds that it is of.
+#[pyfunction]
+pub(super) fn report(
+    py: Python<'_>,
+    result: &str,
+    source: &Bound<'_, PyAny>,
+    target: &Bound<'_, PyAny>,
+) -> PyResult<String> {
+    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
+    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let (source, target) = (source.get(), target.get());
+    released(py, || Pair::new(result, source, target)?.html())
+}
+
+/// The aligned clouds as a small PNG.
+#[pyfunction]
+pub(super) fn thumbnail<'py>(
+    py: Python<'py>,
+    result: &str,
+    source: &Bound<'py, PyAny>,
+    target: &Bound<'py, PyAny>,
+    size: (u32, u32),
+) -> PyResult<Bound<'py, PyBytes>> {
+    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
+    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let (source, target) = (source.get(), target.get());
+    let bytes = released(py, || {
+        let mut pair = Pair::new(result, source, target)?;
+        pair.points = (size.0 * size.1 / 4) as usize;
+        pair.thumbnail(size)?.png()
+    })?;
+    Ok(PyBytes::new(py, &bytes))
+}

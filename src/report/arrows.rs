@@ -1,0 +1,88 @@
+//! Motions that nothing holds, as arrows.
+
+use serde::Serialize;
+
+use super::facts::{Free, Spread};
+use super::words;
+use crate::math::{self, Vec3};
+
+/// A motion as a turn about an axis and a shift along it, about the middle of the target.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Arrow {
+    /// A place on the axis.
+    pub(super) center: Vec3,
+    /// Unit vector along it.
+    pub(super) axis: Vec3,
+    /// Whether it turns, and whether it slides; both of a screw.
+    pub(super) turns: bool,
+    pub(super) slides: bool,
+    /// What it is, in words.
+    pub(super) words: String,
+}
+
+/// Part of a motion below which it is not told: a tenth.
+const LEAST: f64 = 0.1;
+
+impl Arrow {
+    /// Of every motion that nothing holds; `middle` is that of the target.
+    pub(super) fn all(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
+        spread.undetermined.iter().map(|free| Arrow::of(free, spread.center, middle)).collect()
+    }
+
+    fn of(free: &Free, center: Vec3, middle: Vec3) -> Arrow {
+        let Free { rotation, translation } = *free;
+        let turn = math::norm(rotation);
+        let local = math::sub(center, middle);
+        let named = |axis: Vec3| {
+            let [x, y, z] = axis.map(|part| format!("{:.2}", part + 0.0));
+            format!("({x}, {y}, {z})")
+        };
+        if turn < LEAST {
+            let axis = math::normalized(translation);
+            let words = format!("slides along {}", named(axis));
+            return Arrow { center: local, axis, turns: false, slides: true, words };
+        }
+        let axis = math::scaled(rotation, 1.0 / turn);
+        // The place nearest to the center that such a motion leaves on the axis.
+        let off = math::scaled(math::cross(rotation, translation), 1.0 / (turn * turn));
+        let along = math::dot(axis, translation).abs();
+        // As |ω|² + |τ|²/r² = 1.
+        let radius = math::norm(translation) / (1.0 - turn * turn).max(1e-12).sqrt();
+        let slides = along > LEAST * radius && turn < (1.0 - LEAST * LEAST).sqrt();
+        let place = math::add(local, off);
+        let [x, y, z] = math::add(place, middle).map(words::short);
+        let also = if slides { ", sliding along it," } else { "" };
+        let words = format!("turns about {} through ({x}, {y}, {z}){also}", named(axis));
+        Arrow {
+            center: place,
+            axis,
+            turns: true,
+            slides,
+            words: words.trim_end_matches(',').into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arrow(rotation: Vec3, translation: Vec3) -> Arrow {
+        Arrow::of(&Free { rotation, translation }, [1.0, 0.0, 0.0], [0.0; 3])
+    }
+
+    #[test]
+    fn motions_are_turns_slides_and_screws() {
+        let slide = arrow([0.0; 3], [0.0, 3.0, 0.0]);
+        assert!(slide.slides && !slide.turns && slide.axis == [0.0, 1.0, 0.0]);
+        let turn = arrow([0.0, 0.0, 1.0], [0.0; 3]);
+        assert!(turn.turns && !turn.slides && turn.center == [1.0, 0.0, 0.0]);
+        // A turn about z through (1, 2, 0) moves (1, 0, 0) along x.
+        let (half, radius) = (0.5f64.sqrt(), 2.0);
+        let beside = arrow([0.0, 0.0, half], [half * radius, 0.0, 0.0]);
+        assert!(beside.turns && !beside.slides);
+        assert!((beside.center[1] - 2.0).abs() < 1e-12, "{beside:?}");
+        let screw = arrow([0.0, 0.0, half], [0.0, 0.0, half * radius]);
+        assert!(screw.turns && screw.slides && screw.words.contains("sliding"));
+    }
+}

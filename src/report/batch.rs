@@ -1,0 +1,170 @@
+//! The report of a list of pairs in bulk.
+
+use std::path::Path;
+
+use super::Pair;
+use super::facts::{Facts, Judged, Spread, Told};
+use super::listing::{self, Cell, Line, Listing};
+use crate::batch::{Row, symmetric};
+use crate::cloud::{PointCloud, Transform, Viewpoints};
+use crate::error::Result;
+use crate::io;
+
+/// Where the rows' clouds are, and where their report goes.
+#[derive(Debug, Clone)]
+pub struct Bulk<'a> {
+    /// Folder that the files of the rows are relative to.
+    pub clouds: &'a Path,
+    /// Folder of the pages, made if it is not there: `index.html` is the table.
+    pub output: &'a Path,
+    /// How many of the rows, the worst first, have a page of their own.
+    pub pages: usize,
+    /// Where the sensors stood.
+    pub viewpoints: Viewpoints,
+}
+
+impl Bulk<'_> {
+    /// Writes a table of `rows`, the worst first, and the pages of pairs that it opens; a pair
+    /// whose clouds cannot be read has none. `progress` is told how many pages of how many are
+    /// done. How many there are is returned.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written,
+    /// [`Error::Config`](crate::Error::Config) for a row whose pose is none.
+    pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
+        listing::make(self.output)?;
+        let mut order: Vec<&Row> = rows.iter().collect();
+        let badness = |row: &Row| match (&row.error, row.decision.as_deref(), row.trusted) {
+            (Some(_), ..) => 0,
+            (None, Some("reject"), _) => 1,
+            (None, Some("ambiguous"), _) => 2,
+            (None, _, Some(true)) => 4,
+            _ => 3,
+        };
+        let sure = |row: &Row| row.probability.or(row.agreement).unwrap_or(0.0);
+        order.sort_by(|a, b| {
+            let key = badness(a).cmp(&badness(b)).then(sure(a).total_cmp(&sure(b)));
+            key.then(a.index.cmp(&b.index))
+        });
+        let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
+        let mut lines = vec![format!(
+            "{} pairs: {} to be trusted, {} not, {} without an answer.",
+            rows.len(),
+            count(&|row| row.trusted == Some(true)),
+            count(&|row| row.trusted == Some(false)),
+            count(&|row| row.error.is_some()),
+        )];
+        let all = order.len().min(self.pages);
+        let (mut made, mut missing) = (0, 0);
+        let mut listed = Vec::new();
+        for (at, row) in order.iter().enumerate() {
+            let mut line = line(row);
+            if let Some(facts) = facts(row)?.filter(|_| at < self.pages) {
+                match self.clouds(row) {
+                    Ok([source, target]) => {
+                        let pair = Pair::of(facts, &source, &target);
+                        line.open(pair, self.output, row.index)?;
+                        made += 1;
+                    }
+                    // The table stands without its pages.
+                    Err(_) => missing += 1,
+                }
+            }
+            listed.push(line);
+            progress((at + 1).min(all), all);
+        }
+        if rows.len() > self.pages {
+            lines.push(format!("The worst {made} have a page of their own."));
+        }
+        if missing > 0 {
+            lines.push(format!("Of {missing} the clouds could not be read from here again."));
+        }
+        let columns = vec![
+            "pair",
+            "source",
+            "target",
+            "verdict",
+            "probability",
+            "overlap",
+            "fitness",
+            "agreement",
+            "why",
+        ];
+        let title = "Registrations, the worst first".into();
+        Listing { title, lines, columns, rows: listed, ..Listing::default() }.write(self.output)?;
+        Ok(made)
+    }
+
+    /// The clouds of a row, read again.
+    fn clouds(&self, row: &Row) -> Result<[PointCloud; 2]> {
+        let read = |name: &String| self.viewpoints.apply(io::read(self.clouds.join(name))?);
+        Ok([read(&row.source)?, read(&row.target)?])
+    }
+}
+
+fn line(row: &Row) -> Line {
+    let verdict = match (&row.error, row.trusted) {
+        (Some(_), _) => "no answer".into(),
+        (None, Some(true)) => row.decision.clone().unwrap_or("trusted".into()),
+        (None, _) => row.decision.clone().unwrap_or("doubted".into()),
+    };
+    let tone = match (&row.error, row.decision.as_deref(), row.trusted) {
+        (Some(_), ..) | (None, Some("reject"), _) | (None, None, Some(false)) => "bad",
+        (None, _, Some(true)) => "good",
+        _ => "unsure",
+    };
+    let why = [&row.error, &row.doubts].into_iter().find_map(Clone::clone).unwrap_or_default();
+    let cells = vec![
+        Cell::number(Some(row.index as f64)),
+        Cell::text(&row.source),
+        Cell::text(&row.target),
+        Cell::text(verdict),
+        Cell::share(row.probability),
+        Cell::share(row.overlap),
+        Cell::share(row.fitness),
+        Cell::share(row.agreement),
+        Cell::text(why),
+    ];
+    Line { tone, cells, ..Line::default() }
+}
+
+/// What a row tells, as a registration does; `None` without a pose.
+fn facts(row: &Row) -> Result<Option<Facts>> {
+    let Some(pose) = row.pose else { return Ok(None) };
+    let rows = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| pose[4 * i + j]));
+    let parts = |words: &Option<String>| -> Vec<String> {
+        words.iter().flat_map(|words| words.split("; ")).map(String::from).collect()
+    };
+    let spread = row.covariance.zip(row.center).filter(|_| row.undetermined == Some(0));
+    let spread = spread.map(|(triangle, center)| Spread {
+        matrix: symmetric(&triangle),
+        center,
+        undetermined: Vec::new(),
+    });
+    let verdict = row.decision.clone().map(|decision| Judged {
+        decision,
+        probability: row.probability.unwrap_or(0.0),
+        reasons: parts(&row.reasons),
+        overlap: row.overlap.unwrap_or(0.0),
+        runner_up: None,
+        covariance: spread,
+    });
+    let doubts = parts(&row.doubts).into_iter().map(|message| Told { message }).collect();
+    let trusted = row.trusted.unwrap_or(false);
+    let mut facts = Facts::bare(Transform::from_matrix(rows)?, "a list", trusted, doubts);
+    facts.verdict = verdict;
+    facts.evaluation = row.fitness.zip(row.max_distance).map(|(fitness, max_distance)| {
+        let target_fitness = row.target_fitness.unwrap_or(0.0);
+        let agreement = row.agreement.unwrap_or(0.0);
+        super::facts::Fit {
+            fitness,
+            target_fitness,
+            inlier_rmse: row.inlier_rmse,
+            max_distance,
+            agreement,
+        }
+    });
+    facts.source = Some(row.source.clone());
+    facts.target = Some(row.target.clone());
+    Ok(Some(facts))
+}

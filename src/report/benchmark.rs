@@ -1,0 +1,136 @@
+//! The report of a benchmark: right and wrong, the worst first.
+
+use std::path::Path;
+
+use super::Pair;
+use super::listing::{self, Cell, Line, Listing};
+use crate::error::Result;
+use crate::experiment::benchmark::{self, Again, Row, Settings, reliability};
+
+/// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
+/// no answers, other wrong ones, right ones that were not accepted, the rest. The first `pages`
+/// open a page with the true pose beside; their registrations are run again. `progress` is told
+/// how many of how many are done.
+///
+/// # Errors
+/// [`Error::Io`](crate::Error::Io) for a folder that cannot be written, those of reading clouds.
+pub fn benchmark(
+    rows: &[Row],
+    pairs: &[benchmark::Pair],
+    settings: Settings,
+    folder: &Path,
+    pages: usize,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<()> {
+    listing::make(folder)?;
+    let mut order: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
+    let badness = |row: &Row| match (row.right, row.accepted) {
+        (false, true) => 0,
+        (false, false) if !row.error.is_empty() => 1,
+        // Of clouds with nothing in common no pose is right.
+        (false, false) if row.rotation_deg.is_some() => 2,
+        (true, false) => 3,
+        (false, false) | (true, true) => 4,
+    };
+    let off = |row: &Row| -row.rotation_deg.unwrap_or(0.0);
+    order.sort_by(|(i, a), (j, b)| {
+        badness(a).cmp(&badness(b)).then(off(a).total_cmp(&off(b))).then(i.cmp(j))
+    });
+    let mut listed = Vec::new();
+    let all = order.len().min(pages);
+    for (at, &(number, row)) in order.iter().enumerate() {
+        let mut line = line(row, badness(row));
+        if at < pages && row.error.is_empty() {
+            open(&mut line, row, number, pairs, settings, folder)?;
+        }
+        listed.push(line);
+        progress((at + 1).min(all), all);
+    }
+    let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
+    let mut lines = vec![format!(
+        "{} registrations: {} right, {} wrong and accepted, {} without an answer.",
+        rows.len(),
+        count(&|row| row.right),
+        count(&|row| !row.right && row.accepted),
+        count(&|row| !row.error.is_empty()),
+    )];
+    if rows.len() > pages {
+        lines.push(format!("The worst {pages} open pages of their own."));
+    }
+    let columns = vec![
+        "set",
+        "source",
+        "target",
+        "method",
+        "is",
+        "accepted",
+        "probability",
+        "rotation error (°)",
+        "translation error",
+        "overlap",
+        "seconds",
+        "why",
+    ];
+    let title = "A benchmark, the worst first".into();
+    let mut listing = Listing { title, lines, columns, rows: listed, ..Listing::default() };
+    if rows.iter().any(|row| row.probability.is_some()) {
+        listing.draw(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
+    }
+    listing.write(folder)
+}
+
+fn open(
+    line: &mut Line,
+    row: &Row,
+    number: usize,
+    pairs: &[benchmark::Pair],
+    settings: Settings,
+    folder: &Path,
+) -> Result<()> {
+    // Poses of other programs cannot be found again.
+    let Ok(chain) = benchmark::method(&row.method) else { return Ok(()) };
+    let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.is_of(pair)) else {
+        return Ok(());
+    };
+    let Again { source, target, found, truth } = benchmark::again(pair, at, &chain, settings)?;
+    let json = serde_json::to_string(&found)
+        .map_err(|error| crate::Error::io("a registration", std::io::Error::other(error)))?;
+    let mut page = Pair::new(&json, &source, &target)?;
+    page.names = [row.source.clone(), row.target.clone()];
+    page.truth = truth;
+    line.open(page, folder, number)
+}
+
+fn line(row: &Row, badness: usize) -> Line {
+    let known = row.rotation_deg.is_some() || !row.error.is_empty();
+    let word = match (row.right, known) {
+        (true, _) => "right",
+        (false, true) => "wrong",
+        (false, false) => "unrelated",
+    };
+    let tone = match badness {
+        0..3 => "bad",
+        3 => "unsure",
+        _ => "good",
+    };
+    let accepted = match (row.accepted, row.ambiguous) {
+        (true, _) => "yes",
+        (false, true) => "ambiguous",
+        (false, false) => "no",
+    };
+    let cells = vec![
+        Cell::text(&row.dataset),
+        Cell::text(&row.source),
+        Cell::text(&row.target),
+        Cell::text(&row.method),
+        Cell::text(word),
+        Cell::text(accepted),
+        Cell::share(row.probability),
+        Cell::number(row.rotation_deg),
+        Cell::number(row.translation),
+        Cell::share(row.overlap),
+        Cell::number(Some(row.seconds)),
+        Cell::text(&row.error),
+    ];
+    Line { tone, cells, ..Line::default() }
+}

@@ -1,0 +1,209 @@
+//! What a report reads of a registration: the object that `cfreg register --json` prints.
+
+use std::fmt;
+
+use serde::Deserialize;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde_json::Value;
+
+use crate::cloud::{Transform, Viewpoints};
+use crate::error::{Error, Result};
+use crate::filter::Thinning;
+use crate::math::Vec3;
+use crate::method::Method;
+
+/// The object, less what no report shows.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Facts {
+    pub(super) transform: Transform,
+    pub(super) method: String,
+    pub(super) trusted: bool,
+    pub(super) doubts: Vec<Told>,
+    pub(super) verdict: Option<Judged>,
+    pub(super) evaluation: Option<Fit>,
+    pub(super) connections: Option<u64>,
+    pub(super) effective_connections: Option<f64>,
+    pub(super) iterations: Option<u64>,
+    pub(super) stop: Option<String>,
+    pub(super) points: Option<Ends>,
+    #[serde(default)]
+    pub(super) time_s: Stages,
+    /// As it stands, to be shown.
+    #[serde(default)]
+    pub(super) config: Value,
+    pub(super) refined_from: Option<Box<Facts>>,
+    /// What the command was given, where it was a command.
+    pub(super) source: Option<String>,
+    pub(super) target: Option<String>,
+    #[serde(default)]
+    pub(super) thinning: Given,
+    pub(super) viewpoints: Option<Viewpoints>,
+    pub(super) command: Option<String>,
+}
+
+/// A doubt.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Told {
+    pub(super) message: String,
+}
+
+/// A verdict.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Judged {
+    pub(super) decision: String,
+    pub(super) probability: f64,
+    pub(super) reasons: Vec<String>,
+    pub(super) overlap: f64,
+    pub(super) runner_up: Option<Other>,
+    pub(super) covariance: Option<Spread>,
+}
+
+/// A pose that would do, too.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Other {
+    pub(super) transform: Transform,
+    pub(super) probability: f64,
+}
+
+/// How far the pose may be off.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Spread {
+    pub(super) matrix: [[f64; 6]; 6],
+    pub(super) center: Vec3,
+    pub(super) undetermined: Vec<Free>,
+}
+
+/// A motion that nothing holds.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(super) struct Free {
+    pub(super) rotation: Vec3,
+    pub(super) translation: Vec3,
+}
+
+/// How the clouds lie on each other.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(super) struct Fit {
+    pub(super) fitness: f64,
+    pub(super) target_fitness: f64,
+    pub(super) inlier_rmse: Option<f64>,
+    pub(super) max_distance: f64,
+    pub(super) agreement: f64,
+}
+
+/// Points of both clouds.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Ends {
+    pub(super) source: Counted,
+    pub(super) target: Counted,
+}
+
+/// What became of the points of a cloud.
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct Counted {
+    #[serde(default)]
+    pub(super) dropped: usize,
+    pub(super) used: usize,
+    pub(super) keypoints: Option<usize>,
+    pub(super) described: Option<usize>,
+    pub(super) oriented_by: Option<String>,
+}
+
+/// As the thinning of a command.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+pub(super) struct Given {
+    voxel: Option<f64>,
+    sample: Option<usize>,
+    #[serde(default)]
+    seed: u64,
+}
+
+/// Seconds by stage, in the order in which they ran.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stages(pub(super) Vec<(String, f64)>);
+
+impl Facts {
+    /// Of which only this is known.
+    pub(super) fn bare(pose: Transform, method: &str, trusted: bool, doubts: Vec<Told>) -> Facts {
+        Facts {
+            transform: pose,
+            method: method.into(),
+            trusted,
+            doubts,
+            verdict: None,
+            evaluation: None,
+            connections: None,
+            effective_connections: None,
+            iterations: None,
+            stop: None,
+            points: None,
+            time_s: Stages::default(),
+            config: Value::Null,
+            refined_from: None,
+            source: None,
+            target: None,
+            thinning: Given::default(),
+            viewpoints: None,
+            command: None,
+        }
+    }
+
+    /// Of one object as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] for what is none, with its line; `path` is what it calls the text.
+    pub(super) fn read(json: &str, path: &std::path::Path) -> Result<Facts> {
+        serde_json::from_str(json).map_err(|error| {
+            let what = format!("is not what `cfreg register --json` prints: {error}");
+            Error::parse(path, Some(error.line()), what)
+        })
+    }
+
+    /// The registration that came first, before all refinements.
+    pub(super) fn first(&self) -> &Facts {
+        self.refined_from.as_deref().map_or(self, Facts::first)
+    }
+
+    /// The method that came first; `None` where its settings are not told.
+    pub(super) fn method(&self) -> Option<Method> {
+        serde_json::from_value(self.first().config.clone()).ok()
+    }
+
+    /// Names of the methods in turn, `+` between them.
+    pub(super) fn chain(&self) -> String {
+        match &self.refined_from {
+            Some(before) => format!("{}+{}", before.chain(), self.method),
+            None => self.method.clone(),
+        }
+    }
+
+    /// How the clouds were thinned before they were registered: a voxel that the method was given
+    /// for itself is not meant.
+    pub(super) fn thinning(&self) -> Thinning {
+        let Given { voxel, sample, seed } = self.thinning;
+        let own = self.first().method == "consensus";
+        Thinning { voxel: voxel.filter(|_| !own), sample, seed }
+    }
+}
+
+impl<'de> Deserialize<'de> for Stages {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct InOrder;
+        impl<'de> Visitor<'de> for InOrder {
+            type Value = Stages;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("seconds by stage")
+            }
+
+            fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<Stages, M::Error> {
+                let mut stages = Vec::new();
+                while let Some(stage) = map.next_entry()? {
+                    stages.push(stage);
+                }
+                stages.retain(|(name, _)| name != "total");
+                Ok(Stages(stages))
+            }
+        }
+        deserializer.deserialize_map(InOrder)
+    }
+}

@@ -1,0 +1,75 @@
+//! A result that was kept in a file.
+
+use std::path::{Path, PathBuf};
+
+use super::Pair;
+use super::facts::Facts;
+use crate::cloud::{PointCloud, Viewpoints};
+use crate::error::{Error, Result};
+use crate::filter::Thinning;
+
+/// What `cfreg register --json` printed, read again.
+pub struct Kept {
+    facts: Facts,
+    path: PathBuf,
+}
+
+impl Kept {
+    /// Reads a result.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
+    pub fn read(path: &Path) -> Result<Kept> {
+        let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+        Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
+    }
+
+    /// Files of source and target, as the command was given them.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] for a result that names none.
+    pub fn files(&self) -> Result<[&Path; 2]> {
+        match (&self.facts.source, &self.facts.target) {
+            (Some(source), Some(target)) => Ok([Path::new(source), Path::new(target)]),
+            _ => Err(self.wrong("does not name its clouds (source and target)".into())),
+        }
+    }
+
+    /// How they were thinned before they were registered.
+    pub fn thinning(&self) -> Thinning {
+        self.facts.thinning()
+    }
+
+    /// Where their sensors stood.
+    pub fn viewpoints(&self) -> Viewpoints {
+        self.facts.viewpoints.unwrap_or_default()
+    }
+
+    /// The report on the clouds, read and thinned again.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] where they have other numbers of points than then.
+    pub fn pair<'a>(&self, source: &'a PointCloud, target: &'a PointCloud) -> Result<Pair<'a>> {
+        let ends = self.facts.first().points.as_ref();
+        let counted = ends.map(|ends| [(&ends.source, source), (&ends.target, target)]);
+        // Of consensus `used` leaves out what lies at a sensor's limit.
+        for (then, cloud) in counted.into_iter().flatten() {
+            if then.used > cloud.len() || then.dropped != cloud.dropped() {
+                let what = format!(
+                    "was made of a cloud of {} points, {} left out; now it has {} and {}: has the \
+                     file changed?",
+                    then.used,
+                    then.dropped,
+                    cloud.len(),
+                    cloud.dropped()
+                );
+                return Err(self.wrong(what));
+            }
+        }
+        Ok(Pair::of(self.facts.clone(), source, target))
+    }
+
+    fn wrong(&self, what: String) -> Error {
+        Error::parse(&self.path, None, what)
+    }
+}

@@ -1,0 +1,160 @@
+//! The weights as a page shows them: connections as lines, W as a picture.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+
+use super::words;
+use crate::cloud::Transform;
+use crate::math::{self, Vec3};
+use crate::method::{Connections, Link, Matrix};
+
+/// Connections and W. Numbers are base64 of little-endian arrays.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Weights {
+    /// Whether all was connected with all; else there were matches.
+    pub(super) full: bool,
+    /// How many connections there are, and how many are drawn.
+    pub(super) links: usize,
+    pub(super) drawn: usize,
+    /// Those of the drawn ones whose ends the pose brings together.
+    pub(super) right: usize,
+    /// Ends about the middles of their clouds, three f32 each.
+    pub(super) from: String,
+    pub(super) onto: String,
+    /// Whether the pose brings the ends together, a u8 each.
+    pub(super) agree: String,
+    pub(super) matrix: Square,
+}
+
+/// W between points that the pose brings together, as many rows as columns.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Square {
+    pub(super) side: usize,
+    /// Rows at the end, of points that the pose puts on nothing.
+    pub(super) alone: usize,
+    /// Weights as shares of the largest, by their square root, a u8 each, row by row; rows and
+    /// columns along the cloud's longest axis.
+    pub(super) weights: String,
+    /// The places in that order of rows in the order of their looks, a u16 each.
+    pub(super) by_looks: String,
+    /// How many times the mean weight stands on the diagonal, of rows that are not alone.
+    pub(super) diagonal: Option<String>,
+}
+
+/// Most lines.
+const LINES: usize = 400;
+/// Distances, in largest distances that count, up to which ends are brought together.
+const TOGETHER: f64 = 3.0;
+/// Share of the weights that is darker than the darkest.
+const CLIPPED: f64 = 0.002;
+
+impl Weights {
+    /// `middles` are what places are told relative to; `near` the largest distance that counts.
+    pub(super) fn of(
+        connections: &Connections,
+        pose: &Transform,
+        middles: [Vec3; 2],
+        near: f64,
+    ) -> Weights {
+        let near = TOGETHER * near;
+        let Connections { points, links, .. } = connections;
+        let ends = |link: &Link| [points[0][link.source as usize], points[1][link.target as usize]];
+        let drawn = some(links, connections.full);
+        let agrees: Vec<u8> = drawn
+            .iter()
+            .map(|link| {
+                let [p, q] = ends(link);
+                u8::from(math::norm(math::sub(pose.apply(p), q)) <= near)
+            })
+            .collect();
+        let side = |k: usize| {
+            let local = drawn.iter().flat_map(|link| math::sub(ends(link)[k], middles[k]));
+            STANDARD.encode(local.flat_map(|x| (x as f32).to_le_bytes()).collect::<Vec<u8>>())
+        };
+        Weights {
+            full: connections.full,
+            links: links.len(),
+            drawn: drawn.len(),
+            right: agrees.iter().filter(|&&agrees| agrees == 1).count(),
+            from: side(0),
+            onto: side(1),
+            agree: STANDARD.encode(&agrees),
+            matrix: Square::of(&connections.matrix, &points[0], near),
+        }
+    }
+}
+
+/// The heaviest; of matches, which weigh what the pose makes of them, an even choice.
+fn some(links: &[Link], full: bool) -> Vec<Link> {
+    let step = if full { 1 } else { links.len().div_ceil(LINES).max(1) };
+    links.iter().step_by(step).take(LINES).copied().collect()
+}
+
+impl Square {
+    fn of(matrix: &Matrix, source: &[Vec3], near: f64) -> Square {
+        let n = matrix.rows.len();
+        let place = |k: usize| source[matrix.rows[k] as usize];
+        let extent = |axis: usize| {
+            let along = (0..n).map(|k| place(k)[axis]);
+            let ends = along.fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
+            ends.1 - ends.0
+        };
+        let longest = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
+        let alone = |k: usize| matrix.apart[k] > near;
+        let ordered = |key: &dyn Fn(usize) -> f64| {
+            let mut order: Vec<usize> = (0..n).collect();
+            order.sort_by(|&a, &b| alone(a).cmp(&alone(b)).then(key(a).total_cmp(&key(b))));
+            order
+        };
+        let by_place = ordered(&|k| place(k)[longest]);
+        let by_looks = ordered(&|k| matrix.looks[k]);
+        let mut rank = vec![0u16; n];
+        by_place.iter().zip(0..).for_each(|(&k, at)| rank[k] = at);
+        let weight = |a: usize, b: usize| f64::from(matrix.weights[by_place[a] * n + by_place[b]]);
+        let all: Vec<f64> = (0..n * n).map(|at| weight(at / n, at % n)).collect();
+        let mut sorted = all.clone();
+        sorted.sort_by(f64::total_cmp);
+        let top = (((1.0 - CLIPPED) * sorted.len() as f64) as usize).min(sorted.len() - 1);
+        let most = if sorted[top] > 0.0 { sorted[top] } else { sorted[sorted.len() - 1] };
+        let small = |w: &f64| match most > 0.0 && w.is_finite() {
+            true => ((w / most).clamp(0.0, 1.0).sqrt() * 255.0).round() as u8,
+            false => 0,
+        };
+        let touching = (0..n).filter(|&k| !alone(k)).count();
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        let own = (0..touching).map(|k| weight(k, k)).sum::<f64>() / touching.max(1) as f64;
+        let told = touching > 0 && mean > 0.0 && mean.is_finite();
+        Square {
+            side: n,
+            alone: n - touching,
+            weights: STANDARD.encode(all.iter().map(small).collect::<Vec<u8>>()),
+            by_looks: STANDARD
+                .encode(by_looks.iter().flat_map(|&k| rank[k].to_le_bytes()).collect::<Vec<u8>>()),
+            diagonal: told.then(|| words::short(own / mean)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_is_ordered_by_place_and_by_looks() {
+        let source: Vec<Vec3> = [3.0, 1.0, 2.0].map(|x| [x, 0.0, 0.0]).into();
+        let matrix = Matrix {
+            rows: vec![0, 1, 2],
+            columns: vec![0, 1, 2],
+            apart: vec![0.0, 0.0, 9.0],
+            looks: vec![0.1, 0.2, 0.0],
+            weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
+        };
+        let square = Square::of(&matrix, &source, 1.0);
+        // By place: the second, the first; the third stands alone.
+        assert_eq!(STANDARD.decode(&square.weights).unwrap(), [255, 0, 0, 0, 255, 0, 0, 128, 0]);
+        // By looks: the first, the second.
+        assert_eq!(STANDARD.decode(&square.by_looks).unwrap(), [1, 0, 0, 0, 2, 0]);
+        assert_eq!((square.alone, square.diagonal.as_deref()), (1, Some("4")));
+    }
+}

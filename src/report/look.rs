@@ -1,0 +1,150 @@
+//! From where two clouds are looked at.
+
+use serde::Serialize;
+
+use super::display::{Shown, central};
+use crate::cloud::{PointCloud, Transform};
+use crate::math::eigen;
+use crate::math::{self, Mat3, Vec3};
+
+/// What is to be seen: a ball about the target's middle, in its frame.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct Frame {
+    pub(super) center: Vec3,
+    pub(super) radius: f64,
+}
+
+/// From where.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct Look {
+    /// Unit vector to the eye.
+    pub(super) toward: Vec3,
+    /// Unit vector that is up, across `toward`.
+    pub(super) up: Vec3,
+}
+
+/// How far flat things are looked at from beside, so that they do not look like a map: tangent.
+const TILT: f64 = 0.8;
+/// How far other things are, to the right and from above, so that they have depth.
+const ASIDE: [f64; 2] = [0.3, 0.2];
+/// Points of a cloud that are measured.
+const MEASURED: usize = 2000;
+/// Share of them that is to be seen; the rest may be strays.
+const SEEN: f64 = 0.99;
+
+impl Frame {
+    /// Of both clouds, with the source where `pose` puts it.
+    pub(super) fn of(source: &Shown, target: &Shown, pose: &Transform) -> Frame {
+        let some = |shown: &Shown| -> Vec<Vec3> {
+            let step = shown.shown.div_ceil(MEASURED).max(1);
+            shown.cloud.positions().step_by(step).collect()
+        };
+        let local = |place: Vec3| math::sub(place, target.middle);
+        let sides = [
+            some(source).into_iter().map(|p| local(pose.apply(p))).collect::<Vec<Vec3>>(),
+            some(target).into_iter().map(local).collect(),
+        ];
+        // Each cloud by itself, that the smaller does not count as strays of the larger.
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for side in &sides {
+            for axis in 0..3 {
+                let mut along: Vec<f64> = side.iter().map(|p| p[axis]).collect();
+                along.sort_by(f64::total_cmp);
+                let at = |share: f64| along[(share * (along.len() - 1) as f64) as usize];
+                low[axis] = low[axis].min(at(1.0 - SEEN));
+                high[axis] = high[axis].max(at(SEEN));
+            }
+        }
+        let center = math::scaled(math::add(low, high), 0.5);
+        let radius = sides.iter().map(|side| {
+            let mut away: Vec<f64> =
+                side.iter().map(|&p| math::norm(math::sub(p, center))).collect();
+            away.sort_by(f64::total_cmp);
+            away[(SEEN * (away.len() - 1) as f64) as usize]
+        });
+        let radius = radius.fold(0.0, f64::max);
+        Frame { center, radius: if radius > 0.0 { radius } else { 1.0 } }
+    }
+}
+
+impl Look {
+    /// From the side from which the target looks largest; of the two the one where its sensor
+    /// stood, if that is known.
+    pub(super) fn at(target: &PointCloud) -> Look {
+        let (low, high) = central(target);
+        let middle = math::scaled(math::add(low, high), 0.5);
+        let inside = |p: &Vec3| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&p[axis]));
+        let step = target.len().div_ceil(MEASURED).max(1);
+        let mut spread = [[0.0; 3]; 3];
+        for place in target.positions().step_by(step).filter(inside) {
+            let off = math::sub(place, middle);
+            let part = math::outer(off, off);
+            (0..3).for_each(|i| (0..3).for_each(|j| spread[i][j] += part[i][j]));
+        }
+        // Across the two longest axes of the cloud.
+        let (_, axes) = eigen::symmetric(&spread);
+        let mut toward = axes[0];
+        // Where nobody knows: from above, or from the front.
+        let sensor = target.viewpoint().map_or([0.1, -0.2, 1.0], |at| math::sub(at, middle));
+        if math::dot(toward, sensor) < 0.0 {
+            toward = math::scaled(toward, -1.0);
+        }
+        let [x, y, z] = math::sub(high, low);
+        // z is up where the cloud lies flat across it, as maps and sweeps do; else y, as objects
+        // stand in most files.
+        if toward[2].abs() > 0.8 && x.min(y) > 3.0 * z {
+            let toward = math::normalized([0.0, -TILT, 1.0]);
+            return Look { toward, up: across([0.0, 0.0, 1.0], toward) };
+        }
+        let upright = if toward[1].abs() > 0.9 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
+        let up = across(upright, toward);
+        let right = math::cross(up, toward);
+        let aside = math::add(math::scaled(right, ASIDE[0]), math::scaled(up, ASIDE[1]));
+        let toward = math::normalized(math::add(toward, aside));
+        Look { toward, up: across(upright, toward) }
+    }
+
+    /// Rows: to the right, upwards, towards the eye.
+    pub(super) fn axes(&self) -> Mat3 {
+        [math::cross(self.up, self.toward), self.up, self.toward]
+    }
+}
+
+/// The part of `vector` across the unit vector `along`, of length 1.
+fn across(vector: Vec3, along: Vec3) -> Vec3 {
+    math::normalized(math::sub(vector, math::scaled(along, math::dot(vector, along))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flat_clouds_are_seen_from_above_and_axes_are_right_handed() {
+        let grid = |place: fn(f64, f64) -> Vec3| {
+            let points: Vec<Vec3> = (0..400)
+                .map(|k| place(f64::from(k % 20), f64::from(k / 20) + 0.01 * f64::from(k)))
+                .collect();
+            PointCloud::new(&points).unwrap()
+        };
+        let flat = Look::at(&grid(|x, y| [x, y, 0.0]));
+        assert!(flat.toward[2] > 0.7 && flat.up[2] > 0.5, "{flat:?}");
+        let upright = Look::at(&grid(|x, z| [x, 0.0, z]));
+        assert!(upright.toward[1].abs() > 0.8 && upright.up[2] > 0.9, "{upright:?}");
+        for look in [flat, upright] {
+            assert!((math::determinant(&look.axes()) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn strays_are_out_of_sight_and_small_clouds_are_not() {
+        let mut points: Vec<Vec3> =
+            (0..500).map(|k| [f64::from(k % 10), f64::from(k % 7), f64::from(k % 3)]).collect();
+        points[100] = [1e5, 0.0, 0.0];
+        let large = Shown::of(&PointCloud::new(&points).unwrap(), 1000).unwrap();
+        let small = Shown::of(&PointCloud::new(&[[0.0; 3], [1.0; 3]]).unwrap(), 10).unwrap();
+        let far = Transform { translation: [50.0, 0.0, 0.0], ..Transform::IDENTITY };
+        let frame = Frame::of(&small, &large, &far);
+        assert!((20.0..40.0).contains(&frame.radius), "{frame:?}");
+    }
+}

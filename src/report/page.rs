@@ -1,0 +1,65 @@
+//! Pages from templates. What comes from files is text there and is escaped: in HTML by the
+//! templates' own rules, in scripts as JSON without `<`.
+
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment, Value, context};
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+
+const PAIR: &str = include_str!("page/pair.html");
+const STYLE: &str = include_str!("page/style.css");
+/// In the order in which they need each other.
+const SCRIPTS: [&str; 6] = [
+    include_str!("page/data.js"),
+    include_str!("page/clouds.js"),
+    include_str!("page/lines.js"),
+    include_str!("page/view.js"),
+    include_str!("page/heat.js"),
+    include_str!("page/main.js"),
+];
+/// three.js, of which `page/vendor/README.md` tells.
+const LIBRARY: &str = include_str!("page/vendor/three.min.js");
+const LIST: &str = include_str!("page/list.html");
+const LIST_STYLE: &str = include_str!("page/list.css");
+const LIST_SCRIPT: &str = include_str!("page/list.js");
+const COPY: &str = include_str!("page/copy.js");
+
+/// The page of a pair.
+pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<String> {
+    let scripts = [&[COPY][..], &SCRIPTS].concat().join("\n");
+    render(
+        "pair.html",
+        PAIR,
+        context! {
+            page => Value::from(Serde(text)),
+            view => Value::from(Serde(view)),
+            style => Value::from_safe_string(STYLE.into()),
+            library => Value::from_safe_string(LIBRARY.into()),
+            scripts => Value::from_safe_string(scripts),
+        },
+    )
+}
+
+/// The page of a list.
+pub(super) fn listing(page: &impl Serialize) -> Result<String> {
+    render(
+        "list.html",
+        LIST,
+        context! {
+            page => Value::from(Serde(page)),
+            style => Value::from_safe_string([STYLE, LIST_STYLE].join("\n")),
+            scripts => Value::from_safe_string(LIST_SCRIPT.into()),
+        },
+    )
+}
+
+fn render(name: &'static str, template: &'static str, values: Value) -> Result<String> {
+    let mut pages = Environment::new();
+    pages.set_auto_escape_callback(|_| AutoEscape::Html);
+    let made = pages
+        .add_template(name, template)
+        .and_then(|()| pages.get_template(name))
+        .and_then(|page| page.render(values));
+    made.map_err(|error| Error::io(name, std::io::Error::other(format!("{error:#}"))))
+}

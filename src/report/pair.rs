@@ -1,0 +1,347 @@
+//! The report of a pair.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+
+use super::arrows::Arrow;
+use super::display::Shown;
+use super::facts::Facts;
+use super::links::Weights;
+use super::look::{Frame, Look};
+use super::page;
+use super::picture::{Stand, picture};
+use super::tables::{self, Histogram, Input, Posed, Stage, Uncertainty};
+use super::words::{self, Headline};
+use crate::cloud::{PointCloud, Transform};
+use crate::error::Result;
+use crate::experiment::figure::Figure;
+use crate::math::{self, Vec3};
+use crate::method::Method;
+use crate::quality;
+use crate::search;
+
+/// Two clouds, and what was found of them.
+///
+/// ```
+/// use cfreg::method::{Method, Register};
+/// use cfreg::report::Pair;
+/// # use cfreg::experiment::shape::boulder;
+/// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
+/// let found = Method::register(&"consensus".parse()?, &source, &target)?;
+/// let json = serde_json::to_string(&found).unwrap();
+/// let html = Pair::new(&json, &source, &target)?.html()?;
+/// assert!(html.starts_with("<!doctype html>"));
+/// # Ok::<(), cfreg::Error>(())
+/// ```
+pub struct Pair<'a> {
+    facts: Facts,
+    source: &'a PointCloud,
+    target: &'a PointCloud,
+    /// What the clouds are called; default what the result says, or `source` and `target`.
+    pub names: [String; 2],
+    /// The command that gives the result again; default what the result says.
+    pub command: Option<String>,
+    /// The true pose, where it is known.
+    pub truth: Option<Transform>,
+    /// Most points of either cloud that are shown, at least 1; default 100,000.
+    pub points: usize,
+}
+
+/// Default of [`Pair::points`]: 200,000 together turn smoothly on a laptop.
+const POINTS: usize = 100_000;
+/// Largest residual that is told apart, in largest distances that count.
+const RESIDUALS: f64 = 5.0;
+/// Points of either cloud in a picture that stands in for the view, and in a figure for papers.
+const STILL: usize = 40_000;
+const DRAWN: usize = 12_000;
+/// How near the source is brought, in radii of both after, where it lies elsewhere.
+const BESIDE: f64 = 2.5;
+
+/// What the page's scripts are given.
+#[derive(Serialize)]
+struct View<'a> {
+    source: &'a Shown,
+    target: &'a Shown,
+    look: Look,
+    /// Of arrows.
+    radius: f64,
+    stands: Vec<Place>,
+    /// Largest residual that is told apart, and the one that counts.
+    residual: [f64; 2],
+    arrows: &'a [Arrow],
+    weights: Option<&'a Weights>,
+}
+
+/// Where the source stands: from places about its middle to places about the target's.
+#[derive(Serialize)]
+struct Place {
+    name: &'static str,
+    matrix: [[f64; 4]; 4],
+    #[serde(flatten)]
+    frame: Frame,
+}
+
+/// What the page's text is made from.
+#[derive(Serialize)]
+struct Text<'a> {
+    names: &'a [String; 2],
+    /// The same without folders where that tells them apart.
+    titles: [String; 2],
+    method: String,
+    headline: Headline,
+    stands: Vec<&'static str>,
+    poses: Vec<Posed>,
+    uncertainty: Option<Uncertainty>,
+    arrows: &'a [Arrow],
+    fit: Vec<(&'static str, String)>,
+    histogram: Histogram,
+    weights: Option<&'a Weights>,
+    weights_absent: Option<String>,
+    inputs: [Input; 2],
+    units_differ: Option<String>,
+    stages: Vec<Stage>,
+    seconds: String,
+    config: String,
+    command: Option<&'a str>,
+    thinned: bool,
+    far: Option<String>,
+    picture: String,
+    version: &'static str,
+}
+
+impl<'a> Pair<'a> {
+    /// `result` is the object that `cfreg register --json` prints, or a
+    /// [`Registration`](crate::method::Registration) as JSON; the clouds are those that the
+    /// method was given.
+    ///
+    /// # Errors
+    /// [`Error::Parse`](crate::Error::Parse) for a `result` that is not such an object.
+    pub fn new(result: &str, source: &'a PointCloud, target: &'a PointCloud) -> Result<Pair<'a>> {
+        let facts = Facts::read(result, std::path::Path::new("the result"))?;
+        Ok(Pair::of(facts, source, target))
+    }
+
+    pub(super) fn of(facts: Facts, source: &'a PointCloud, target: &'a PointCloud) -> Pair<'a> {
+        let name = |name: &Option<String>, other: &str| name.clone().unwrap_or(other.into());
+        Pair {
+            names: [name(&facts.source, "source"), name(&facts.target, "target")],
+            command: facts.command.clone(),
+            truth: None,
+            points: POINTS,
+            facts,
+            source,
+            target,
+        }
+    }
+
+    /// The page, all of it in one file.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud, those of
+    /// [`Method::connections`](crate::method::Method::connections) but for what the page says
+    /// itself, and those of drawing.
+    pub fn html(&self) -> Result<String> {
+        let facts = &self.facts;
+        let pose = facts.transform;
+        let [mut source, mut target] = self.shown()?;
+        let near = self.near()?;
+        let most = RESIDUALS * near;
+        source.measure(self.target, &pose, 1.0, most)?;
+        target.measure(self.source, &pose.inverse(), pose.scale, most)?;
+        let (weights, weights_absent) = self.weigh(&mut source, &mut target, near);
+        let look = Look::at(&target.cloud);
+        let stands = self.stands(&source, &target);
+        let still = picture([&source, &target], &look, &stands[..2], STILL, (480, 420), true);
+        let spread = facts.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
+        let arrows = spread.map_or_else(Vec::new, |spread| Arrow::all(spread, target.middle));
+        let middles = [source.middle, target.middle];
+        let places = stands.iter().map(|stand| Place {
+            name: stand.title,
+            matrix: about(&stand.pose, middles).matrix(),
+            frame: stand.frame,
+        });
+        let view = View {
+            source: &source,
+            target: &target,
+            look,
+            radius: stands[1].frame.radius,
+            stands: places.collect(),
+            residual: [most, near],
+            arrows: &arrows,
+            weights: weights.as_ref(),
+        };
+        let inputs = tables::inputs(facts, [self.source, self.target], &self.names)?;
+        let diagonals = [self.source.diagonal(), self.target.diagonal()];
+        let text = Text {
+            titles: words::distinct(&self.names),
+            names: &self.names,
+            method: facts.chain(),
+            headline: Headline::of(facts),
+            stands: stands.iter().map(|stand| stand.title).collect(),
+            poses: self.poses(),
+            uncertainty: spread.map(Uncertainty::of),
+            arrows: &arrows,
+            fit: tables::fit(facts),
+            histogram: Histogram::of(&source.distances, most, near),
+            weights: weights.as_ref(),
+            weights_absent,
+            inputs,
+            units_differ: tables::units_differ(diagonals, pose.scale),
+            stages: Stage::all(&facts.time_s),
+            seconds: words::short(facts.time_s.0.iter().map(|stage| stage.1).sum()),
+            config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
+            command: self.command.as_deref(),
+            thinned: source.shown < source.of || target.shown < target.of,
+            far: self.far(&source, &target),
+            picture: STANDARD.encode(still.png()?),
+            version: env!("CARGO_PKG_VERSION"),
+        };
+        page::pair(&text, &view)
+    }
+
+    /// The clouds before and after, side by side, for papers.
+    ///
+    /// # Errors
+    /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud.
+    pub fn figure(&self) -> Result<Figure> {
+        let [source, target] = self.shown()?;
+        let (look, stands) = (Look::at(&target.cloud), self.stands(&source, &target));
+        Ok(picture([&source, &target], &look, &stands[..2], DRAWN, (520, 480), true))
+    }
+
+    /// The aligned pair alone, small.
+    ///
+    /// # Errors
+    /// Those of [`figure`](Self::figure).
+    pub fn thumbnail(&self, size: (u32, u32)) -> Result<Figure> {
+        let [source, target] = self.shown()?;
+        let (look, pose) = (Look::at(&target.cloud), self.facts.transform);
+        let frame = Frame::of(&source, &target, &pose);
+        let after = [Stand { title: "", pose, frame }];
+        let most = (size.0 * size.1 / 4) as usize;
+        Ok(picture([&source, &target], &look, &after, most, size, false))
+    }
+
+    fn shown(&self) -> Result<[Shown; 2]> {
+        for (cloud, what) in [(self.source, "the source"), (self.target, "the target")] {
+            if cloud.is_empty() {
+                let (what, found, needed) = (what.into(), 0, 1);
+                return Err(crate::Error::TooFewPoints { what, found, needed });
+            }
+        }
+        crate::par::both([self.source, self.target], |cloud| Shown::of(cloud, self.points.max(1)))
+    }
+
+    /// The largest distance that counts.
+    fn near(&self) -> Result<f64> {
+        let told = self.facts.evaluation.map(|fit| fit.max_distance);
+        match told.filter(|&distance| distance > 0.0 && distance.is_finite()) {
+            Some(distance) => Ok(distance),
+            None => {
+                let scale = self.facts.transform.scale;
+                let found = quality::default_distance(self.source, self.target, scale)?;
+                Ok(if found > 0.0 { found } else { 1.0 })
+            }
+        }
+    }
+
+    /// What the method connected, told to the points that are shown; else why there is nothing.
+    fn weigh(
+        &self,
+        source: &mut Shown,
+        target: &mut Shown,
+        near: f64,
+    ) -> (Option<Weights>, Option<String>) {
+        let pose = &self.facts.transform;
+        let told = |text: &str| (None, Some(text.to_string()));
+        let Some(method) = self.facts.method() else {
+            return told("The result does not say with which settings it was made.");
+        };
+        let connections = match method.connections(self.source, self.target, pose) {
+            Ok(Some(connections)) => connections,
+            Ok(None) if matches!(method, Method::Cf(_) | Method::Cfk(_)) => {
+                return told("The weights were a function that is not here any more.");
+            }
+            Ok(None) => {
+                return told(
+                    "This method connects points by where the pose puts them: colour the clouds by \
+                     residual to see which.",
+                );
+            }
+            Err(error) => return told(&format!("They could not be made again: {error}.")),
+        };
+        let both = [&mut *source, &mut *target];
+        for (k, shown) in both.into_iter().enumerate() {
+            let received = &connections.received[k];
+            let mut sorted = received.clone();
+            sorted.sort_by(f64::total_cmp);
+            let Some(&most) = sorted.get(sorted.len() * 99 / 100).filter(|&&most| most > 0.0)
+            else {
+                continue;
+            };
+            let points = &connections.points[k];
+            let scale = if k == 0 { pose.scale } else { 1.0 };
+            let spacing = spacing_of(points).max(near / scale);
+            if let Err(error) = shown.weigh(points, received, 2.0 * spacing, most) {
+                return told(&format!("They could not be shown: {error}."));
+            }
+        }
+        let middles = [source.middle, target.middle];
+        (Some(Weights::of(&connections, pose, middles, near)), None)
+    }
+
+    /// Where the source is shown to stand: as its file has it, under the pose, under the others.
+    fn stands(&self, source: &Shown, target: &Shown) -> Vec<Stand<'static>> {
+        let stand = |title, pose| Stand { title, pose, frame: Frame::of(source, target, &pose) };
+        let after = stand("after", self.facts.transform);
+        let mut before = Transform::IDENTITY;
+        if let Some((off, beside)) = self.apart(source, target, after.frame) {
+            let nearer = math::scaled(math::normalized(off), beside);
+            before.translation = math::sub(nearer, off);
+        }
+        let other = self.facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref());
+        let mut stands = vec![stand("before", before), after];
+        stands.extend(other.map(|other| stand("other", other.transform)));
+        stands.extend(self.truth.map(|truth| stand("truth", truth)));
+        stands
+    }
+
+    /// From the target to the source, where they lie too far apart in their files to be seen
+    /// together, and how near they are brought.
+    fn apart(&self, source: &Shown, target: &Shown, after: Frame) -> Option<(Vec3, f64)> {
+        let off = math::sub(source.middle, target.middle);
+        let beside = BESIDE * after.radius;
+        (math::norm(off) > beside).then_some((off, beside))
+    }
+
+    /// How far that is.
+    fn far(&self, source: &Shown, target: &Shown) -> Option<String> {
+        let after = Frame::of(source, target, &self.facts.transform);
+        self.apart(source, target, after).map(|(off, _)| words::short(math::norm(off)))
+    }
+
+    fn poses(&self) -> Vec<Posed> {
+        let facts = &self.facts;
+        let mut poses = vec![Posed::of("The pose", &facts.transform, None)];
+        if let Some(other) = facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref()) {
+            let probability = Some(words::percent(other.probability));
+            poses.push(Posed::of("The best other pose", &other.transform, probability));
+        }
+        poses.extend(self.truth.map(|truth| Posed::of("The true pose", &truth, None)));
+        poses
+    }
+}
+
+/// A motion between the clouds' own frames as one between places about their middles.
+fn about(pose: &Transform, [source, target]: [Vec3; 2]) -> Transform {
+    Transform { translation: math::sub(pose.apply(source), target), ..*pose }
+}
+
+/// Median distance of points from the next one, 0 where that cannot be told.
+fn spacing_of(points: &[Vec3]) -> f64 {
+    let Some(&first) = points.first() else { return 0.0 };
+    let local: Vec<[f32; 3]> =
+        points.iter().map(|&p| math::sub(p, first).map(|x| x as f32)).collect();
+    search::resolution(&local).unwrap_or(0.0)
+}

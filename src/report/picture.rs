@@ -1,0 +1,87 @@
+//! Two clouds before and after as one still picture: where a page has no WebGL, in notebooks,
+//! in papers.
+
+use super::display::Shown;
+use super::look::{Frame, Look};
+use crate::cloud::Transform;
+use crate::experiment::figure::{Content, Dot, Figure, Panel, Scene};
+use crate::math::{self, Vec3};
+
+/// Colours of source and target: orange and blue of Okabe and Ito (2008), told apart by most eyes.
+pub(super) const COLOURS: [[u8; 3]; 2] = [[230, 159, 0], [0, 114, 178]];
+/// Part of the frame's radius that is shown: clouds seldom fill a ball.
+const FILLED: f64 = 0.95;
+/// Light of what is seen edge-on.
+const DARKEST: f64 = 0.45;
+
+/// A place of the source in the target's frame, and what it is called.
+pub(super) struct Stand<'a> {
+    pub(super) title: &'a str,
+    pub(super) pose: Transform,
+    pub(super) frame: Frame,
+}
+
+/// Both clouds with the source at each of `stands`, a panel each, of `size` pixels.
+pub(super) fn picture(
+    [source, target]: [&Shown; 2],
+    look: &Look,
+    stands: &[Stand<'_>],
+    most: usize,
+    size: (u32, u32),
+    named: bool,
+) -> Figure {
+    let ends = [Lit::of(source, most), Lit::of(target, most)];
+    let axes = look.axes();
+    let turn = |direction: Vec3| math::mat_vec(&axes, direction);
+    // One scale for all panels.
+    let reach = stands.iter().map(|stand| stand.frame.radius).fold(0.0, f64::max);
+    let mut panels = Vec::new();
+    for stand in stands {
+        let own = Transform::IDENTITY;
+        let mut seen: Vec<(f64, Dot)> = Vec::new();
+        for (k, (lit, pose)) in ends.iter().zip([&stand.pose, &own]).enumerate() {
+            for (&place, &normal) in lit.places.iter().zip(&lit.normals) {
+                let at = turn(math::sub(pose.apply(place), target.middle));
+                let facing = turn(pose.rotate(normal))[2].abs();
+                let light =
+                    if normal == [0.0; 3] { 1.0 } else { DARKEST + (1.0 - DARKEST) * facing };
+                let colour = COLOURS[k].map(|part| (f64::from(part) * light).round() as u8);
+                seen.push((at[2], Dot { at: [at[0], at[1]], colour }));
+            }
+        }
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let names = ["source", "target"].into_iter().zip(COLOURS);
+        let [x, y, _] = turn(stand.frame.center);
+        panels.push(Panel {
+            title: stand.title.into(),
+            content: Content::Scene(Scene {
+                names: if named { names.map(|(n, c)| (n.into(), c)).collect() } else { Vec::new() },
+                dots: seen.into_iter().map(|(_, dot)| dot).collect(),
+                middle: [x, y],
+                reach: FILLED * reach,
+                radius: 0.6 * ends[0].spacing.max(ends[1].spacing),
+            }),
+        });
+    }
+    Figure { columns: panels.len(), panels, size }
+}
+
+/// Some points of a cloud, in its own frame, with their normals.
+struct Lit {
+    places: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    spacing: f64,
+}
+
+impl Lit {
+    /// At most `most` of those that are shown.
+    fn of(shown: &Shown, most: usize) -> Lit {
+        let step = shown.shown.div_ceil(most).max(1);
+        let vectors = shown.vectors.iter().step_by(step);
+        Lit {
+            places: shown.cloud.positions().step_by(step).collect(),
+            normals: vectors.map(|n| n.map(f64::from)).collect(),
+            spacing: shown.spacing * (step as f64).sqrt(),
+        }
+    }
+}

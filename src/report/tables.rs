@@ -1,0 +1,274 @@
+//! The tables of a report: poses, fit, inputs, times.
+
+use serde::Serialize;
+
+use super::facts::{Counted, Facts, Spread, Stages};
+use super::words;
+use crate::cloud::{PointCloud, Transform};
+use crate::error::Result;
+use crate::math;
+use crate::search;
+
+/// A pose in the ways in which it is written.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Posed {
+    pub(super) title: &'static str,
+    pub(super) probability: Option<String>,
+    /// Rows, each number as short as it is read back from.
+    pub(super) matrix: Vec<Vec<String>>,
+    /// All of it, to be copied.
+    pub(super) matrix_text: String,
+    /// Rows rounded, to be read.
+    pub(super) axis_angle: String,
+    pub(super) axis_angle_text: String,
+    pub(super) quaternion: String,
+    pub(super) quaternion_text: String,
+    pub(super) shift: String,
+    pub(super) scale: Option<String>,
+}
+
+impl Posed {
+    pub(super) fn of(title: &'static str, pose: &Transform, probability: Option<String>) -> Posed {
+        // Adding zero turns -0 into 0.
+        let rows = pose.matrix().map(|row| row.map(|x| format!("{:?}", x + 0.0)));
+        let vector = pose.rotation_vector();
+        let angle = math::norm(vector);
+        let axis = math::normalized(vector);
+        let half = (angle / 2.0).sin();
+        let [x, y, z] = math::scaled(axis, half);
+        let quaternion = [x, y, z, (angle / 2.0).cos()];
+        let all = |numbers: &[f64]| {
+            numbers.iter().map(|x| format!("{:?}", x + 0.0)).collect::<Vec<_>>().join(" ")
+        };
+        let rounded = |numbers: &[f64], digits: usize| {
+            let words = numbers.iter().map(|x| format!("{:.digits$}", x + 0.0));
+            words.collect::<Vec<_>>().join(", ")
+        };
+        Posed {
+            title,
+            probability,
+            matrix: pose.matrix().map(|row| row.map(words::short).into()).into(),
+            matrix_text: rows.map(|row| row.join(" ")).join("\n"),
+            axis_angle: format!("{:.3}° about ({})", angle.to_degrees(), rounded(&axis, 4)),
+            axis_angle_text: all(&vector),
+            quaternion: rounded(&quaternion, 5),
+            quaternion_text: all(&quaternion),
+            shift: pose.translation.map(words::short).join(", "),
+            scale: (pose.scale != 1.0).then(|| words::short(pose.scale)),
+        }
+    }
+}
+
+/// How far the pose may be off, if it is right.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Uncertainty {
+    pub(super) rotation: String,
+    pub(super) shift: String,
+    pub(super) loose: usize,
+}
+
+impl Uncertainty {
+    /// Root mean squares over the three axes, one standard deviation each.
+    pub(super) fn of(spread: &Spread) -> Uncertainty {
+        let root = |first: usize| {
+            let trace: f64 = (first..first + 3).map(|k| spread.matrix[k][k]).sum();
+            (trace / 3.0).max(0.0).sqrt()
+        };
+        Uncertainty {
+            rotation: words::short(root(0).to_degrees()),
+            shift: words::short(root(3)),
+            loose: spread.undetermined.len(),
+        }
+    }
+}
+
+/// How the clouds lie on each other, in words.
+pub(super) fn fit(facts: &Facts) -> Vec<(&'static str, String)> {
+    let mut rows = Vec::new();
+    if let Some(verdict) = &facts.verdict {
+        let overlap = words::percent(verdict.overlap);
+        rows.push(("Overlap", format!("{overlap} of a surface lies on the other and faces alike")));
+    }
+    if let Some(fit) = &facts.evaluation {
+        let distance = words::short(fit.max_distance);
+        let shares = [fit.fitness, fit.target_fitness].map(words::percent);
+        rows.push(("Source on target", format!("{} of the points within {distance}", shares[0])));
+        rows.push(("Target on source", format!("{} of the points", shares[1])));
+        if let Some(rmse) = fit.inlier_rmse {
+            rows.push(("Distance of those", format!("{} (root mean square)", words::short(rmse))));
+        }
+        rows.push(("Beyond chance", words::percent(fit.agreement.max(0.0))));
+    }
+    if let (Some(all), Some(effective)) = (facts.connections, facts.effective_connections) {
+        let all = words::count(all as usize);
+        rows.push(("Connections", format!("{all}, {} effective", words::short(effective))));
+    }
+    if let (Some(iterations), Some(stop)) = (facts.iterations, &facts.stop) {
+        rows.push(("Iterations", format!("{iterations}, ended by {}", stop.replace('-', " "))));
+    }
+    rows
+}
+
+/// How many points are how far from the other cloud.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Histogram {
+    /// Heights as shares of the highest, from 0 on, and what each bar says.
+    pub(super) bars: Vec<(f64, String)>,
+    /// Share of the points beyond the last.
+    pub(super) beyond: String,
+    /// Where along the bars the largest distance that counts lies, as a share.
+    pub(super) near: f64,
+    pub(super) near_text: String,
+    pub(super) most_text: String,
+}
+
+/// Bars of a histogram.
+const BARS: usize = 40;
+
+impl Histogram {
+    /// Of distances up to `most`.
+    pub(super) fn of(distances: &[f32], most: f64, near: f64) -> Histogram {
+        let mut counts = [0usize; BARS];
+        let mut beyond = 0;
+        for &distance in distances {
+            let share = f64::from(distance) / most;
+            match share < 1.0 {
+                true => counts[(share * BARS as f64) as usize] += 1,
+                false => beyond += 1,
+            }
+        }
+        let highest = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
+        let all = distances.len().max(1) as f64;
+        let edge = |k: usize| words::short(most * k as f64 / BARS as f64);
+        let bar = |(k, &count): (usize, &usize)| {
+            let percent = words::percent(count as f64 / all);
+            (count as f64 / highest, format!("{percent} from {} to {}", edge(k), edge(k + 1)))
+        };
+        Histogram {
+            bars: counts.iter().enumerate().map(bar).collect(),
+            beyond: words::percent(f64::from(beyond) / all),
+            near: near / most,
+            near_text: words::short(near),
+            most_text: words::short(most),
+        }
+    }
+}
+
+/// What a cloud is.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Input {
+    pub(super) name: String,
+    pub(super) used: String,
+    pub(super) dropped: String,
+    pub(super) described: Option<String>,
+    pub(super) keypoints: Option<String>,
+    pub(super) oriented_by: Option<String>,
+    pub(super) diagonal: String,
+    pub(super) resolution: String,
+    pub(super) unit: &'static str,
+    pub(super) viewpoint: Option<String>,
+    pub(super) channels: Option<String>,
+}
+
+pub(super) fn inputs(
+    facts: &Facts,
+    clouds: [&PointCloud; 2],
+    names: &[String; 2],
+) -> Result<[Input; 2]> {
+    let counts = |k: usize| -> Option<&Counted> {
+        let ends = facts.first().points.as_ref()?;
+        Some(if k == 0 { &ends.source } else { &ends.target })
+    };
+    let input = |k: usize| {
+        let (cloud, counts) = (clouds[k], counts(k));
+        let channels: Vec<&str> = cloud.channels().names().collect();
+        let dropped = counts.map_or(cloud.dropped(), |counts| counts.dropped);
+        Ok(Input {
+            name: names[k].clone(),
+            used: words::count(counts.map_or(cloud.len(), |counts| counts.used)),
+            dropped: words::count(dropped),
+            described: counts.and_then(|counts| counts.described).map(words::count),
+            keypoints: counts.and_then(|counts| counts.keypoints).map(words::count),
+            oriented_by: counts.and_then(|counts| counts.oriented_by.clone()),
+            diagonal: words::short(cloud.diagonal()),
+            resolution: words::short(search::resolution(cloud.points())?),
+            unit: words::unit(cloud.diagonal()),
+            viewpoint: cloud.viewpoint().map(|at| at.map(words::short).join(", ")),
+            channels: (!channels.is_empty()).then(|| channels.join(", ")),
+        })
+    };
+    Ok([input(0)?, input(1)?])
+}
+
+/// Ratio of sizes from which on clouds may be in different units.
+const RATIO: f64 = 50.0;
+
+/// What is to be said where one cloud is very much larger.
+pub(super) fn units_differ([source, target]: [f64; 2], scale: f64) -> Option<String> {
+    let ratio = (source * scale).max(target) / (source * scale).min(target);
+    let smaller = if source * scale < target { "source" } else { "target" };
+    (ratio > RATIO && ratio.is_finite()).then(|| {
+        format!("The {smaller} is {} times smaller: have both one unit?", words::short(ratio))
+    })
+}
+
+/// A stage and its time.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Stage {
+    pub(super) name: String,
+    pub(super) seconds: String,
+    /// Of the longest.
+    pub(super) share: f64,
+}
+
+impl Stage {
+    pub(super) fn all(stages: &Stages) -> Vec<Stage> {
+        let longest = stages.0.iter().map(|stage| stage.1).fold(0.0, f64::max);
+        let longest = if longest > 0.0 { longest } else { 1.0 };
+        let told = |(name, seconds): &(String, f64)| Stage {
+            name: name.clone(),
+            seconds: format!("{seconds:.3}"),
+            share: seconds / longest,
+        };
+        stages.0.iter().map(told).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_is_written_so_that_it_is_read_back() {
+        let mut pose = Transform::from_rotation_vector([0.1, 2.0, -0.3]);
+        pose.translation = [1.0 / 3.0, 0.0, -5e6];
+        let posed = Posed::of("a pose", &pose, None);
+        let read = |text: &str| -> Vec<f64> {
+            text.split_whitespace().map(|word| word.parse().unwrap()).collect()
+        };
+        assert_eq!(read(&posed.matrix_text), pose.matrix().as_flattened());
+        let [x, y, z, w] = read(&posed.quaternion_text).try_into().unwrap();
+        assert!((x * x + y * y + z * z + w * w - 1.0).abs() < 1e-12);
+        // R = I + 2 w [v] + 2 [v]²: one entry tells the sign.
+        assert!((2.0 * (x * y + z * w) - pose.rotation[1][0]).abs() < 1e-12);
+        let vector = read(&posed.axis_angle_text);
+        assert!((vector[1] - 2.0).abs() < 1e-12);
+        assert_eq!(posed.scale, None);
+    }
+
+    #[test]
+    fn a_histogram_counts_all_points() {
+        let found = Histogram::of(&[0.0, 0.01, 0.99, 1.0, f32::INFINITY], 1.0, 0.2);
+        assert_eq!((found.bars.len(), found.bars[0].0, found.bars[39].0), (BARS, 1.0, 0.5));
+        assert_eq!((found.beyond.as_str(), found.near), ("40 %", 0.2));
+        assert_eq!(Histogram::of(&[], 1.0, 0.2).beyond, "0 %");
+    }
+
+    #[test]
+    fn very_different_sizes_are_told() {
+        assert_eq!(units_differ([1.0, 2.0], 1.0), None);
+        assert!(units_differ([1.0, 1000.0], 1.0).unwrap().contains("source"));
+        assert_eq!(units_differ([1.0, 1000.0], 900.0), None);
+        assert_eq!(units_differ([0.0, 0.0], 1.0), None);
+    }
+}

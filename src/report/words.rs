@@ -1,0 +1,200 @@
+//! What a report says in words.
+
+use serde::Serialize;
+
+use super::facts::Facts;
+
+/// What a person is told first.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Headline {
+    /// `good`, `unsure` or `bad`: how it is coloured, beside what it says.
+    pub(super) tone: &'static str,
+    /// A sign that stands for it without colour.
+    pub(super) sign: &'static str,
+    pub(super) title: String,
+    pub(super) line: String,
+    /// What speaks for and against, a sentence each.
+    pub(super) reasons: Vec<String>,
+    /// Grounds for doubt that no reason tells.
+    pub(super) doubts: Vec<String>,
+}
+
+impl Headline {
+    pub(super) fn of(facts: &Facts) -> Headline {
+        let doubts: Vec<String> = facts.doubts.iter().map(|doubt| doubt.message.clone()).collect();
+        let Some(verdict) = &facts.verdict else {
+            return Headline::without_verdict(facts, doubts);
+        };
+        let told = percent(verdict.probability);
+        let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
+        let (tone, sign, title, line) = match verdict.decision.as_str() {
+            "accept" if facts.trusted => (
+                "good",
+                "\u{2713}",
+                "Take this pose",
+                format!("Right with a probability of {told}."),
+            ),
+            "accept" => (
+                "unsure",
+                "?",
+                "Likely right, but doubted",
+                format!("Right with a probability of {told} by its surfaces; but see the doubts."),
+            ),
+            "ambiguous" if loose > 0 => (
+                "unsure",
+                "?",
+                "Not held in every direction",
+                format!(
+                    "Right with a probability of {told}, but nothing holds it along {loose} of 6 \
+                     motions: see the arrows."
+                ),
+            ),
+            "ambiguous" => (
+                "unsure",
+                "?",
+                "One of several poses",
+                match &verdict.runner_up {
+                    Some(other) => {
+                        let other = percent(other.probability);
+                        format!(
+                            "Right with a probability of {told}, another pose with {other}: compare them."
+                        )
+                    }
+                    None => {
+                        format!("Right with a probability of {told}; others are about as good.")
+                    }
+                },
+            ),
+            _ => (
+                "bad",
+                "\u{2717}",
+                "Do not take this pose",
+                format!("Right with a probability of {told}; the clouds may share nothing."),
+            ),
+        };
+        let reasons = verdict.reasons.iter().map(|reason| sentence(reason)).collect();
+        let retold = |doubt: &String| !verdict.reasons.iter().any(|reason| doubt.contains(reason));
+        let doubts = doubts.into_iter().filter(retold).map(|doubt| sentence(&doubt)).collect();
+        Headline { tone, sign, title: title.into(), line, reasons, doubts }
+    }
+
+    fn without_verdict(facts: &Facts, doubts: Vec<String>) -> Headline {
+        let (tone, sign, title, line) = match facts.trusted {
+            true => (
+                "good",
+                "\u{2713}",
+                "Nothing speaks against this pose",
+                "This method gives no probability; --verdict asks for one.",
+            ),
+            false => (
+                "bad",
+                "\u{2717}",
+                "This pose is doubted",
+                "This method gives no probability; --verdict asks for one.",
+            ),
+        };
+        Headline {
+            tone,
+            sign,
+            title: title.into(),
+            line: line.into(),
+            reasons: Vec::new(),
+            doubts: doubts.iter().map(|doubt| sentence(doubt)).collect(),
+        }
+    }
+}
+
+/// A probability or share in percent, never rounded to certainty.
+pub(super) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    match percent {
+        p if p > 99.9 && p < 100.0 => "more than 99.9 %".into(),
+        p if p > 0.0 && p < 0.1 => "less than 0.1 %".into(),
+        p if (10.0..99.0).contains(&p) || p == 0.0 || p == 100.0 => format!("{p:.0} %"),
+        p => format!("{p:.1} %"),
+    }
+}
+
+/// A number with four digits, without an exponent where that is short.
+pub(super) fn short(value: f64) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !value.is_finite() {
+        return "-".into();
+    }
+    let power = value.abs().log10().floor() as i32;
+    match power {
+        -4..4 => {
+            let text = format!("{value:.*}", (3 - power).clamp(0, 7) as usize);
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').into()
+            } else {
+                text
+            }
+        }
+        4..7 => format!("{value:.0}"),
+        _ => format!("{value:.3e}"),
+    }
+}
+
+/// A count with spaces between thousands.
+pub(super) fn count(count: usize) -> String {
+    let digits = count.to_string();
+    let first = digits.len() % 3;
+    let mut groups: Vec<&str> = Vec::new();
+    if first > 0 {
+        groups.push(&digits[..first]);
+    }
+    groups.extend((first..digits.len()).step_by(3).map(|at| &digits[at..at + 3]));
+    groups.join("\u{202f}")
+}
+
+/// What the size of a cloud says of its unit, if it is that of usual things.
+pub(super) fn unit(diagonal: f64) -> &'static str {
+    match diagonal {
+        d if d < 0.02 => "very small for metres",
+        d if d < 0.6 => "metres, if it is a thing for the hand",
+        d if d < 3.0 => "metres, if it is a piece of furniture or a person",
+        d if d < 30.0 => "metres, if it is a room",
+        d if d < 1000.0 => "metres, if it is a street or a building; millimetres, if a thing",
+        d if d < 30_000.0 => "centimetres or millimetres, if it is a room or a building",
+        _ => "none that is usual",
+    }
+}
+
+/// Names of files without their folders, where these do not tell them apart.
+pub(super) fn distinct(names: &[String; 2]) -> [String; 2] {
+    let last = |name: &String| name.rsplit(['/', '\\']).next().unwrap_or(name).to_string();
+    let short = names.each_ref().map(last);
+    if short[0] == short[1] || short.iter().any(String::is_empty) { names.clone() } else { short }
+}
+
+/// With a capital, and a full stop.
+pub(super) fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    let stop = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    format!("{first}{}{stop}", letters.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short_and_never_more_certain_than_they_are() {
+        assert_eq!(percent(0.99951), "more than 99.9 %");
+        assert_eq!(percent(1.0), "100 %");
+        assert_eq!(percent(0.0002), "less than 0.1 %");
+        assert_eq!((percent(0.421), percent(0.034)), ("42 %".into(), "3.4 %".into()));
+        assert_eq!((short(0.0012346), short(12.0)), ("0.001235".into(), "12".into()));
+        assert_eq!((short(3.2e-9), short(123456.7)), ("3.200e-9".into(), "123457".into()));
+        assert_eq!(short(f64::NAN), "-");
+        assert_eq!((count(12), count(1234567)), ("12".into(), "1\u{202f}234\u{202f}567".into()));
+        assert_eq!(sentence("14 matches agree"), "14 matches agree.");
+        let names = |a: &str, b: &str| distinct(&[a.into(), b.into()]);
+        assert_eq!(names("a/b.ply", "/c/d.ply"), ["b.ply", "d.ply"]);
+        assert_eq!(names("a/b.ply", "c/b.ply"), ["a/b.ply", "c/b.ply"]);
+    }
+}

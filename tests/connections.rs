@@ -1,0 +1,55 @@
+//! What methods connected, made again.
+
+use cfreg::Transform;
+use cfreg::experiment::shape::boulder;
+use cfreg::method::{Cf, Matrix, Method, Register};
+use cfreg::weight::WeightScheme;
+
+#[test]
+fn right_pairs_weigh_more_than_others() {
+    let truth = Transform::from_rotation_vector([0.4, -0.9, 0.2]);
+    let source = boulder().sample(800, 1).unwrap();
+    let target = boulder().sample(800, 2).unwrap().transformed(&truth).unwrap();
+    for name in ["consensus", "cf", "cfk", "teaser"] {
+        let method: Method = name.parse().unwrap();
+        let found = method.connections(&source, &target, &truth).unwrap().unwrap();
+        let Matrix { rows, weights, apart, looks, .. } = &found.matrix;
+        let n = rows.len();
+        assert!(n > 20 && weights.len() == n * n && apart.len() == n && looks.len() == n);
+        let mean = |on: bool| {
+            let at = (0..n * n).filter(|k| (k / n == k % n) == on);
+            let part: Vec<f64> = at.map(|k| f64::from(weights[k])).collect();
+            part.iter().sum::<f64>() / part.len() as f64
+        };
+        assert!(mean(true) > 2.0 * mean(false), "{name}: {} {}", mean(true), mean(false));
+        assert!(found.links.windows(2).all(|two| two[0].weight >= two[1].weight));
+        assert_eq!(found.full, name.starts_with("cf"));
+        for (k, received) in found.received.iter().enumerate() {
+            assert_eq!(received.len(), found.points[k].len());
+        }
+    }
+}
+
+#[test]
+fn matches_agree_with_the_pose_that_they_gave() {
+    let source = boulder().sample(800, 1).unwrap();
+    let target = boulder().sample(800, 2).unwrap();
+    let method: Method = "consensus".parse().unwrap();
+    let pose = method.register(&source, &target).unwrap().transform;
+    let found = method.connections(&source, &target, &pose).unwrap().unwrap();
+    let near = found.links.iter().filter(|link| link.weight > 0.5).count();
+    assert!(near > 20, "{near}");
+    let wrong = Transform::from_rotation_vector([0.0, 0.0, 2.0]).after(&pose);
+    let found = method.connections(&source, &target, &wrong).unwrap().unwrap();
+    assert!(found.links.iter().filter(|link| link.weight > 0.5).count() < near / 4);
+}
+
+#[test]
+fn what_has_no_weights_to_show_says_so() {
+    let cloud = boulder().sample(300, 1).unwrap();
+    let own = Cf { weights: WeightScheme::Custom, ..Cf::default() };
+    for method in ["icp".parse().unwrap(), "cpd".parse().unwrap(), Method::Cf(own)] {
+        let found = method.connections(&cloud, &cloud, &Transform::IDENTITY).unwrap();
+        assert_eq!(found, None, "{}", method.name());
+    }
+}
