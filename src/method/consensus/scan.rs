@@ -419,6 +419,29 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_a_place_sees_of_a_kept_cloud_is_kept() {
+        let at = |i: usize| {
+            let (x, y) = ((i % 60) as f64, (i / 60) as f64);
+            [x, y, 4.0 * (0.2 * x).sin() + 3.0 * (0.15 * y).cos()]
+        };
+        let cloud = PointCloud::new(&(0..3600).map(at).collect::<Vec<_>>()).unwrap();
+        let cache = Cache::default();
+        let surface = |length: f64, view| {
+            let whole = Whole::of(Cached { cloud: &cloud, cache: Some(&cache) }).unwrap();
+            Scan::new(whole, length, &[], "it").unwrap().surface(view).unwrap()
+        };
+        let guess = View::Guess([30.0, 30.0, 90.0]);
+        let first = surface(3.0, View::Outward);
+        let held = cache.bytes();
+        assert!(Arc::ptr_eq(&first, &surface(3.0, View::Outward)) && cache.bytes() == held);
+        for (length, view) in [(3.0, guess), (2.5, View::Outward)] {
+            assert!(!Arc::ptr_eq(&first, &surface(length, view)));
+        }
+        assert!(cache.bytes() > 2 * held);
+        assert!(Arc::ptr_eq(&first, &surface(3.0, View::Outward)));
+    }
+
+    #[test]
     fn weights_are_means_of_cubes_and_move_no_surface() {
         let at = |i: usize| {
             let (x, y) = ((i % 60) as f64, (i / 60) as f64);
