@@ -8,6 +8,7 @@ mod judge;
 mod scan;
 mod settle;
 mod standing;
+mod whole;
 
 use std::sync::Arc;
 
@@ -16,8 +17,9 @@ use serde::{Deserialize, Serialize};
 pub use self::candidates::Judged;
 use self::evidence::Evidence;
 use self::hypotheses::Matches;
-use self::scan::{REACH, Scan, Surface, View, Whole, squared_distance};
+use self::scan::{REACH, Scan, Surface, View, squared_distance};
 use self::settle::{Effort, Settled, settle};
+use self::whole::Whole;
 use super::registration::Timings;
 use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};

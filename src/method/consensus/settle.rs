@@ -148,7 +148,8 @@ impl System {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scan::{Scan, View, Whole};
+    use super::super::scan::{Scan, View};
+    use super::super::whole::Whole;
     use super::*;
     use crate::cloud::PointCloud;
 
