@@ -57,14 +57,18 @@ fn a_verdict_goes_by_channels_and_by_what_is_known() {
         let line = format!("evaluate a.ply b.ply --transform {pose} --verdict --json {more}");
         let output = cfreg(folder.path(), &line);
         let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let decision = answer["verdict"]["decision"].as_str().unwrap().to_string();
-        assert_eq!(output.status.success(), decision == "accept", "{line}");
-        decision
+        let verdict = &answer["verdict"];
+        let accepted = verdict["decision"] == "accept";
+        assert_eq!(output.status.success(), accepted, "{line}");
+        (accepted, verdict["probability"].as_f64().unwrap())
     };
-    assert_eq!(judged("truth.txt", ""), "ambiguous");
-    assert_eq!(judged("truth.txt", "--channels paint:3"), "accept");
-    assert_eq!(judged("half.txt", "--channels paint:3"), "reject");
-    assert_eq!(judged("truth.txt", "--near truth.txt --within 20"), "accept");
+    let (accepted, probability) = judged("half.txt", "");
+    assert!(!accepted && probability > 0.05, "{probability}");
+    assert!(!judged("truth.txt", "").0);
+    assert!(judged("truth.txt", "--channels paint:10").0);
+    let (accepted, probability) = judged("half.txt", "--channels paint:10");
+    assert!(!accepted && probability < 0.01, "{probability}");
+    assert!(judged("truth.txt", "--near truth.txt --within 20").0);
     let refused = |more: &str, words: &str| {
         let output =
             cfreg(folder.path(), &format!("evaluate a.ply b.ply --transform truth.txt {more}"));

@@ -39,6 +39,7 @@ __all__ = [
     "read_list",
     "register",
     "register_batch",
+    "rotation_vector",
     "settings",
     "solve",
     "within",

@@ -68,7 +68,7 @@ impl Verdict {
     /// Decides by the probabilities, that of the pose and of the runner-up each as if it were the
     /// only one; of both one at most is right, so that they share what the verdict tells.
     ///
-    /// A pose that is not probable is rejected; one that has a rival, or that nothing holds along
+    /// A pose that is not probable is rejected, alone or beside a rival; one that has a rival, or that nothing holds along
     /// some motion, is ambiguous.
     pub fn new(
         probability: f64,
@@ -80,8 +80,10 @@ impl Verdict {
         let alone = runner_up.map_or(0.0, |other| other.probability);
         let [shared, other] = shares(probability, alone);
         let rivals = alone >= ACCEPT && other >= AMBIGUOUS * shared;
+        // Right where the rival is not: as good as never.
+        let beaten = alone >= ACCEPT && shared < AMBIGUOUS * other;
         let slides = covariance.as_ref().is_some_and(|known| !known.undetermined.is_empty());
-        let decision = if probability.is_nan() || probability < ACCEPT {
+        let decision = if probability.is_nan() || probability < ACCEPT || beaten {
             Decision::Reject
         } else if rivals || slides || shared < ACCEPT {
             Decision::Ambiguous
@@ -131,6 +133,8 @@ mod tests {
         // Some 500 times less probable.
         assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
         assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
+        // Probable by itself, but 500 times less so than another.
+        assert_eq!(decided(0.95, Some(0.9999)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
         // No rival that would be accepted, but both cannot be right.
         assert_eq!(decided(0.75, Some(0.65)), Decision::Ambiguous);
@@ -149,7 +153,7 @@ mod tests {
         };
         assert_eq!(Verdict::new(1.0, 0.5, Vec::new(), None, None).probability, 1.0);
         assert_eq!(told(1.0, 0.95), (1.0, 0.0, Decision::Accept));
-        assert_eq!(told(0.95, 1.0), (0.0, 1.0, Decision::Ambiguous));
+        assert_eq!(told(0.95, 1.0), (0.0, 1.0, Decision::Reject));
         // Of both one at most is right, and nothing tells which.
         assert_eq!(told(1.0, 1.0), (0.5, 0.5, Decision::Ambiguous));
         assert_eq!(told(0.0, 1.0), (0.0, 1.0, Decision::Reject));

@@ -46,7 +46,7 @@ class Carried(unittest.TestCase):
             make(weights=np.array([1.0, -1, 1]))
         with self.assertRaisesRegex(cfreg.NonFiniteError, "red"):
             make(channels={"red": np.array([0, np.nan, 1])})
-        with self.assertRaisesRegex(cfreg.Error, r"channels\['i'\]: must be numbers"):
+        with self.assertRaisesRegex(cfreg.Error, r'channels\["i"\]: must be numbers'):
             make(channels={"i": ["a", "b", "c"]})
         with self.assertRaisesRegex(cfreg.SettingError, "channels = a b"):
             make(channels={"a b": np.zeros(3)})

@@ -65,7 +65,7 @@ class Registration(unittest.TestCase):
             clouds = [cfreg.read(file) for file in files]
             found = cfreg.register(*files)
             np.testing.assert_array_equal(found.transform, cfreg.register(*clouds).transform)
-            self.assertEqual(cfreg.judge(*files, found), cfreg.judge(*clouds, found))
+            self.assertEqual(repr(cfreg.judge(*files, found)), repr(cfreg.judge(*clouds, found)))
             self.assertEqual(cfreg.evaluate(*files, found), cfreg.evaluate(*clouds, found))
             with self.assertRaises(FileNotFoundError):
                 cfreg.judge(Path(folder, "none.ply"), target, found)
