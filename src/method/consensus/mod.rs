@@ -26,6 +26,7 @@ use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
+use crate::normals::OrientedBy;
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
 
@@ -241,10 +242,13 @@ impl Search<'_> {
 
     /// The search once more without what may travel with the sensors, where `pose`, between the
     /// clouds' own frames, lays one on the other: their carriers do by it, wherever they went.
+    /// The origin of a frame, which may be that of a shape, is no sensor here.
     fn without_carriers(self, pose: &Transform, times: &mut Timings) -> Self {
-        let [Some(View::Sensor(source, _)), Some(View::Sensor(target, _))] = self.sensors else {
-            return self;
+        let known = |view: Option<View>| match view {
+            Some(View::Sensor(at, by)) if by != OrientedBy::FrameOrigin => Some(at),
+            _ => None,
         };
+        let [Some(source), Some(target)] = self.sensors.map(known) else { return self };
         let off = math::norm(math::sub(pose.apply(source), target));
         if off > self.length {
             return self;
