@@ -93,11 +93,12 @@ class Arrays(unittest.TestCase):
             self.points.astype(str).tolist(),
             [[0.0, 0.0, None]],
             None,
-            "bun000.ply",
             {"x": 1.0},
         ):
             with self.assertRaisesRegex(cfreg.Error, "^target must be"):
                 cfreg.register(self.points, wrong)
+        with self.assertRaisesRegex(FileNotFoundError, "no such.ply"):  # a text is a file
+            cfreg.register(self.points, "no such.ply")
         for ragged in ([[0.0, 1.0, 2.0], [3.0]], [1.0, [2.0, 3.0, 4.0]]):
             with self.assertRaisesRegex(cfreg.ShapeError, "^target: rows differ in length"):
                 cfreg.register(self.points, ragged)

@@ -5,6 +5,7 @@ mod attempt;
 mod candidates;
 mod connections;
 mod evidence;
+mod glance;
 mod hypotheses;
 mod judge;
 mod scale;

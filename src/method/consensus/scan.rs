@@ -3,6 +3,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use super::glance::Glance;
 use super::whole::Whole;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
@@ -24,8 +25,6 @@ pub(super) const FARTHEST: f64 = 2.0 * REACH;
 const NORMAL_NEIGHBORS: usize = 20;
 /// Nearest points that make a descriptor.
 const NEIGHBORS: usize = 100;
-/// Points on which a viewpoint is sought.
-const SIGHTED: usize = 1500;
 /// What may speak against the origin of a frame ([`Sight::implausible`]) that is tried as the
 /// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
@@ -62,16 +61,6 @@ struct Thin {
     glance: OnceLock<Glance>,
     /// Of surfaces, by the place that they are seen from.
     cache: Cache,
-}
-
-/// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
-struct Glance {
-    points: Vec<[f32; 3]>,
-    /// Of either sign.
-    normals: Vec<[f32; 3]>,
-    /// From each point to the mean of its neighbours.
-    toward: Vec<Vec3>,
-    spacing: f64,
 }
 
 /// From where a scan is taken to be seen.
@@ -278,42 +267,6 @@ impl Thin {
             seen,
             oriented_by,
         })
-    }
-}
-
-impl Glance {
-    /// Looks at a cloud that is thinned to `length`.
-    fn at(thin: &PointCloud, length: f64) -> Result<Self> {
-        let side = filter::voxel_side(thin, SIGHTED)?;
-        let few = match side > length {
-            true => filter::voxel_grid(thin, side)?,
-            false => thin.clone(),
-        };
-        let find = |k| Neighbors::find(few.points(), Neighborhood::Nearest(k));
-        let normals = normals::estimate(&few, &find(15)?, Orientation::Outward)?.vectors;
-        let around = find(30)?;
-        let shift = math::sub(few.origin(), thin.origin());
-        let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
-        let places: Vec<Vec3> = (0..few.len()).map(place).collect();
-        let toward = (0..few.len()).map(|i| {
-            let near = around.of(i);
-            let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, places[j as usize]));
-            math::sub(math::scaled(sum, 1.0 / near.len() as f64), places[i])
-        });
-        Ok(Glance {
-            toward: toward.collect(),
-            points: places.iter().map(|p| p.map(|x| x as f32)).collect(),
-            normals,
-            spacing: side.max(length),
-        })
-    }
-
-    fn bytes(&self) -> usize {
-        self.points.len() * (2 * 3 * 4 + 3 * 8)
-    }
-
-    fn sight(&self) -> Sight<'_> {
-        Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
 }
 

@@ -1,0 +1,58 @@
+//! A look at a thinned cloud, by which the place of its sensor is judged.
+
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::filter;
+use crate::math::{self, Vec3};
+use crate::normals::{self, Orientation};
+use crate::search::{Neighborhood, Neighbors};
+use crate::visibility::Sight;
+
+/// Points on which a viewpoint is sought.
+const SIGHTED: usize = 1500;
+
+/// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
+pub(super) struct Glance {
+    points: Vec<[f32; 3]>,
+    /// Of either sign.
+    normals: Vec<[f32; 3]>,
+    /// From each point to the mean of its neighbours.
+    pub(super) toward: Vec<Vec3>,
+    spacing: f64,
+}
+
+impl Glance {
+    /// Looks at a cloud that is thinned to `length`.
+    pub(super) fn at(thin: &PointCloud, length: f64) -> Result<Self> {
+        let side = filter::voxel_side(thin, SIGHTED)?;
+        let few = match side > length {
+            true => filter::voxel_grid(thin, side)?,
+            false => thin.clone(),
+        };
+        let find = |k| Neighbors::find(few.points(), Neighborhood::Nearest(k));
+        let normals = normals::estimate(&few, &find(15)?, Orientation::Outward)?.vectors;
+        let around = find(30)?;
+        let shift = math::sub(few.origin(), thin.origin());
+        let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
+        let places: Vec<Vec3> = (0..few.len()).map(place).collect();
+        let toward = (0..few.len()).map(|i| {
+            let near = around.of(i);
+            let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, places[j as usize]));
+            math::sub(math::scaled(sum, 1.0 / near.len() as f64), places[i])
+        });
+        Ok(Glance {
+            toward: toward.collect(),
+            points: places.iter().map(|p| p.map(|x| x as f32)).collect(),
+            normals,
+            spacing: side.max(length),
+        })
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        self.points.len() * (2 * 3 * 4 + 3 * 8)
+    }
+
+    pub(super) fn sight(&self) -> Sight<'_> {
+        Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
+    }
+}
