@@ -2,6 +2,7 @@
 
 use cfreg::Transform;
 use cfreg::experiment::shape::boulder;
+use cfreg::math;
 use cfreg::method::{Cf, Matrix, Method, Register};
 use cfreg::weight::WeightScheme;
 
@@ -23,7 +24,13 @@ fn right_pairs_weigh_more_than_others() {
         };
         assert!(mean(true) > 2.0 * mean(false), "{name}: {} {}", mean(true), mean(false));
         assert!(found.links.windows(2).all(|two| two[0].weight >= two[1].weight));
-        assert_eq!(found.full, name.starts_with("cf"));
+        assert_eq!((found.full, found.reach.is_none()), (name.starts_with("cf"), found.full));
+        for link in found.links.iter().filter(|_| !found.full) {
+            let [p, q] =
+                [(0, link.source), (1, link.target)].map(|(k, i)| found.points[k][i as usize]);
+            let off = math::norm(math::sub(truth.apply(p), q));
+            assert_eq!(link.weight > 0.0, off < found.reach.unwrap(), "{name}: {off}");
+        }
         for (k, received) in found.received.iter().enumerate() {
             assert_eq!(received.len(), found.points[k].len());
         }

@@ -20,6 +20,9 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 pub struct Connections {
     /// Whether all points of both were connected; else what was matched alone.
     pub full: bool,
+    /// Of matches, how far apart a pose may leave the ends of one that agrees with it, in the
+    /// target's unit.
+    pub reach: Option<f64>,
     /// Places of the compared points of source and target, each in its cloud's own frame.
     pub points: [Vec<Vec3>; 2],
     /// What weight each of them received in all, 0 or more.
@@ -132,6 +135,7 @@ impl Cf {
             });
             Ok(Connections {
                 full: true,
+                reach: None,
                 points: ends.map(places),
                 received: [source_sums, target_sums],
                 links: sorted(links.collect()),
@@ -161,17 +165,19 @@ impl Teaser {
                 let off = math::sub(pose.apply(p[i as usize]), q[j as usize]);
                 (1.0 - math::dot(off, off) / (bound * bound)).max(0.0)
             });
-            Connections::of_matches(ends, &pairs, agreement, pose)
+            Connections::of_matches(ends, &pairs, agreement, bound, pose)
         })?
     }
 }
 
 impl Connections {
-    /// Of matched points, and how well each match agrees with the pose.
+    /// Of matched points, and how well each match agrees with the pose, if its ends are nearer
+    /// than `reach`.
     pub(super) fn of_matches(
         ends: [Described<'_>; 2],
         pairs: &[(u32, u32)],
         agreement: impl Iterator<Item = f64>,
+        reach: f64,
         pose: &Transform,
     ) -> Result<Connections> {
         let connection = FullConnection::new(ends[0], ends[1])?;
@@ -188,7 +194,8 @@ impl Connections {
             received[1][target as usize] += weight;
             links.push(Link { source, target, weight });
         }
-        Ok(Connections { full: false, points, received, links: sorted(links), matrix })
+        let (reach, links) = (Some(reach), sorted(links));
+        Ok(Connections { full: false, reach, points, received, links, matrix })
     }
 }
 

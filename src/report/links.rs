@@ -44,7 +44,8 @@ pub(super) struct Square {
 
 /// Most lines.
 const LINES: usize = 400;
-/// Distances, in largest distances that count, up to which ends are brought together.
+/// Distances, in largest distances that count, up to which ends of a full connection are brought
+/// together.
 const TOGETHER: f64 = 3.0;
 /// Share of the weights that is darker than the darkest.
 const CLIPPED: f64 = 0.002;
@@ -57,7 +58,7 @@ impl Weights {
         middles: [Vec3; 2],
         near: f64,
     ) -> Weights {
-        let near = TOGETHER * near;
+        let near = connections.reach.unwrap_or(TOGETHER * near);
         let Connections { points, links, .. } = connections;
         let ends = |link: &Link| [points[0][link.source as usize], points[1][link.target as usize]];
         let drawn = some(links, connections.full);

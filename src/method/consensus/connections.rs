@@ -22,7 +22,8 @@ impl Consensus {
             let ends = [from.described(), onto.described()];
             let seen = local(pose, from, onto);
             let agreement = attempt.matches.agreement(&seen);
-            Connections::of_matches(ends, &attempt.matches.pairs, agreement, pose)
+            let reach = attempt.matches.reach();
+            Connections::of_matches(ends, &attempt.matches.pairs, agreement, reach, pose)
         })?
     }
 }

@@ -50,7 +50,8 @@ impl Matches {
         self.source.len()
     }
 
-    fn reach(&self) -> f64 {
+    /// Distance within which the ends of a match agree with a pose.
+    pub(super) fn reach(&self) -> f64 {
         COMPATIBLE * self.length
     }
 
