@@ -178,6 +178,8 @@ class Verdict:
     runner_up : RunnerUp, the best pose that is another, or None
     covariance : PoseCovariance, or None where too few points lie on each other to tell; of a
         refinement, that of the pose before
+    other_scale : the scale of the source, if that is another than it has, at which clearly more
+        of it would lie on the target, or None
     """
 
     decision: str
@@ -186,6 +188,7 @@ class Verdict:
     overlap: float
     runner_up: RunnerUp | None
     covariance: PoseCovariance | None
+    other_scale: float | None = None
 
     @classmethod
     def _of(cls, facts: dict[str, Any]) -> Verdict:
@@ -200,6 +203,7 @@ class Verdict:
             facts["overlap"],
             runner_up,
             None if facts["covariance"] is None else PoseCovariance._of(facts["covariance"]),
+            facts["other_scale"],
         )
 
 

@@ -158,7 +158,11 @@ fn typed() -> String {
 fn advice(registration: &Registration) -> &'static str {
     let as_good =
         |doubt: &Doubt| matches!(doubt, Doubt::Ambiguous { .. } | Doubt::Undetermined { .. });
+    let other_scale = |doubt: &Doubt| matches!(doubt, Doubt::OtherScale { .. });
     match &registration.config {
+        Method::Consensus(_) if registration.doubts.iter().any(other_scale) => {
+            "the source scaled (cfreg convert --transform, 4 by 4 numbers with the scale on the diagonal)"
+        }
         // More seeds would only find the others again.
         Method::Consensus(_) if registration.doubts.iter().any(as_good) => {
             "what tells the poses apart: --channels, --direction or --near, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"

@@ -114,6 +114,11 @@ pub enum Doubt {
         /// How many, of 6.
         motions: usize,
     },
+    /// At another scale more of the source would lie on the target.
+    OtherScale {
+        /// [`Verdict::other_scale`].
+        scale: f64,
+    },
     /// The search for the largest set of consistent matches ended at its limit: there may
     /// be a larger one.
     CliqueNotProved {
@@ -157,6 +162,7 @@ impl Doubt {
         if loose > 0 {
             doubts.push(Doubt::Undetermined { motions: loose });
         }
+        doubts.extend(verdict.other_scale.map(|scale| Doubt::OtherScale { scale }));
         doubts
     }
 }
@@ -216,6 +222,11 @@ impl fmt::Display for Doubt {
                 f,
                 "nothing holds the pose along {motions} of 6 motions: along those the surfaces \
                  slide on each other, as planes and spheres do"
+            ),
+            Doubt::OtherScale { scale } => write!(
+                f,
+                "scaled by {scale:.3} the source would lie on the target better: bring both to \
+                 one unit, and register them again"
             ),
             Doubt::CliqueNotProved { found } => write!(
                 f,

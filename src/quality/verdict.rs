@@ -62,6 +62,9 @@ pub struct Verdict {
     /// holds it; `None` where too few points lie on each other to tell. A refinement that takes
     /// the verdict over has that of the pose before.
     pub covariance: Option<PoseCovariance>,
+    /// The scale of the source, if that is another than it has, at which clearly more of it would
+    /// lie on the target: a rigid pose of both as they are is then ambiguous.
+    pub other_scale: Option<f64>,
 }
 
 impl Verdict {
@@ -93,7 +96,23 @@ impl Verdict {
         if let Some(runner_up) = &mut runner_up {
             runner_up.probability = other;
         }
-        Verdict { decision, probability: shared, reasons, overlap, runner_up, covariance }
+        let other_scale = None;
+        let probability = shared;
+        Verdict { decision, probability, reasons, overlap, runner_up, covariance, other_scale }
+    }
+
+    /// The same of clouds of which the source scaled by `scale` would lie on the target with this
+    /// `overlap`.
+    pub(crate) fn of_two_scales(mut self, scale: f64, overlap: f64) -> Verdict {
+        if self.decision == Decision::Accept {
+            self.decision = Decision::Ambiguous;
+        }
+        let percent = 100.0 * overlap;
+        self.reasons.push(format!(
+            "scaled by {scale:.3} the source would lie on the target with {percent:.0} %: are both \
+             in one unit?"
+        ));
+        Verdict { other_scale: Some(scale), ..self }
     }
 }
 

@@ -148,6 +148,7 @@ fn facts(row: &Row) -> Result<Option<Facts>> {
         overlap: row.overlap.unwrap_or(0.0),
         runner_up: None,
         covariance: spread,
+        other_scale: None,
     });
     let doubts = parts(&row.doubts).into_iter().map(|message| Told { message }).collect();
     let trusted = row.trusted.unwrap_or(false);

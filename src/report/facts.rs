@@ -56,6 +56,8 @@ pub(super) struct Judged {
     pub(super) overlap: f64,
     pub(super) runner_up: Option<Other>,
     pub(super) covariance: Option<Spread>,
+    #[serde(default)]
+    pub(super) other_scale: Option<f64>,
 }
 
 /// A pose that would do, too.

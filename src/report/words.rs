@@ -49,6 +49,16 @@ impl Headline {
                      motions: see the arrows."
                 ),
             ),
+            "ambiguous" if verdict.other_scale.is_some() => (
+                "unsure",
+                "?",
+                "Two scales",
+                format!(
+                    "Right with a probability of {told} if both have one unit; but scaled by {:.3} \
+                     the source would lie on the target better.",
+                    verdict.other_scale.unwrap_or(1.0)
+                ),
+            ),
             "ambiguous" => (
                 "unsure",
                 "?",

@@ -15,15 +15,20 @@ use crate::math::{self, Vec3};
 
 /// Depths of the shell that may hold them, as shares of the range: exact ones, and ones as noisy
 /// as a scanner's.
-const SHELLS: [f64; 3] = [1e-3, 2e-3, 4e-3];
+const SHELLS: [f64; 4] = [1e-3, 2e-3, 4e-3, 8e-3];
 /// Depth of what is nearly empty before it: surfaces end gradually.
 const VOID: f64 = 0.05;
-/// Most points in there, as a share of those in the shell.
+/// Most points in there, as a share of those in the shell, unless these lie as many times denser.
 const STRAYS: f64 = 0.05;
+const DENSER: f64 = 100.0;
+/// Points that may lie beyond the limit, as a share of all: stray returns.
+const BEYOND: f64 = 1e-4;
+/// Of the farthest points, those that may lie outside a sphere.
+const OUTSIDE: usize = 2;
 /// Least and most of the points that are in the shell: fewer change nothing, more are a surface.
 const SHARE: [f64; 2] = [0.002, 0.6];
 /// Fewest points of a shell.
-const FEWEST: usize = 20;
+const FEWEST: f64 = 20.0;
 /// Points among which a sphere is sought.
 const SAMPLE: usize = 4000;
 /// Directions in which the farthest of them are taken.
@@ -38,7 +43,7 @@ const TRIES: usize = 400;
 pub struct RangeLimit {
     /// The sensor's place, in the cloud's frame.
     pub viewpoint: Vec3,
-    /// The largest distance of a point from it.
+    /// The largest distance of a point from it, but for strays.
     pub range: f64,
     /// How much nearer than that they may be, as a share of it.
     pub depth: f64,
@@ -50,7 +55,27 @@ impl RangeLimit {
     /// The limit of a sensor at `viewpoint`: none where the farthest points are no more than
     /// the end of a surface, or a surface themselves, or all are far from it.
     pub fn about(cloud: &PointCloud, viewpoint: Vec3) -> Option<RangeLimit> {
-        SHELLS.iter().find_map(|&depth| RangeLimit::in_shell(cloud, viewpoint, depth))
+        let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
+        let mut distances: Vec<f64> = cloud.positions().map(distance).collect();
+        let strays = (BEYOND * distances.len() as f64).ceil() as usize;
+        let mut farthest = |beyond: usize| {
+            let at = distances.len().checked_sub(1 + beyond)?;
+            Some(*distances.select_nth_unstable_by(at, f64::total_cmp).1)
+        };
+        let ranges = [farthest(0)?, farthest(strays)?];
+        // Seen from outside, a far wall is as thin.
+        let inside = |range: &f64| *range <= cloud.diagonal();
+        let shells = ranges
+            .into_iter()
+            .filter(inside)
+            .flat_map(|range| SHELLS.map(|depth| Shell { range, depth }));
+        let limits = shells.filter_map(|shell| Some((shell, shell.contrast(&distances)?)));
+        // A thinner one may be but a part of them; of those that are equally good the first.
+        let best = limits.reduce(|best, next| if next.1 > best.1 { next } else { best });
+        let (shell, _) = best?;
+        let Shell { range, depth } = shell;
+        let points = distances.iter().filter(|&&d| d >= shell.least()).count();
+        Some(RangeLimit { viewpoint, range, depth, points })
     }
 
     /// The limit of a sensor of which nothing is known: the farthest points of the cloud lie on
@@ -74,22 +99,6 @@ impl RangeLimit {
         })
     }
 
-    fn in_shell(cloud: &PointCloud, viewpoint: Vec3, depth: f64) -> Option<RangeLimit> {
-        let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
-        let distances = cloud.positions().map(distance);
-        let range = distances.clone().fold(0.0, f64::max);
-        // Seen from outside, a far wall is as thin.
-        if range > cloud.diagonal() {
-            return None;
-        }
-        let beyond = |share: f64| distances.clone().filter(|d| *d >= (1.0 - share) * range).count();
-        let (points, n) = (beyond(depth), cloud.len() as f64);
-        let many = points >= FEWEST && points as f64 >= SHARE[0] * n;
-        let shell = many && points as f64 <= SHARE[1] * n;
-        let alone = || ((beyond(VOID) - points) as f64) < STRAYS * points as f64;
-        (shell && alone()).then_some(RangeLimit { viewpoint, range, depth, points })
-    }
-
     /// The points of `cloud` that are nearer.
     pub fn within(&self, cloud: &PointCloud) -> PointCloud {
         let nearer = |i: &usize| {
@@ -100,6 +109,34 @@ impl RangeLimit {
     }
 }
 
+/// Distances from `range` down to a share `depth` of it less.
+#[derive(Clone, Copy)]
+struct Shell {
+    range: f64,
+    depth: f64,
+}
+
+impl Shell {
+    fn least(self) -> f64 {
+        (1.0 - self.depth) * self.range
+    }
+
+    /// How many times denser `distances` are in it than right before, if so many are in it and so
+    /// few before that it is no surface.
+    fn contrast(self, distances: &[f64]) -> Option<f64> {
+        let void = (1.0 - VOID) * self.range;
+        let [mut points, mut before] = [0.0; 2];
+        for &d in distances {
+            points += f64::from(u8::from(d >= self.least()));
+            before += f64::from(u8::from(d >= void && d < self.least()));
+        }
+        let n = distances.len() as f64;
+        let many = points >= FEWEST && points >= SHARE[0] * n && points <= SHARE[1] * n;
+        let contrast = points * (VOID - self.depth) / (before * self.depth);
+        (many && (before < STRAYS * points || contrast > DENSER)).then_some(contrast)
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Sphere {
     center: Vec3,
@@ -107,7 +144,7 @@ struct Sphere {
 }
 
 impl Sphere {
-    /// The sphere that holds all `points` and has most of them on it, at least [`THROUGH`], to
+    /// The sphere that holds `points`, but for strays, and has most of them on it, at least [`THROUGH`], to
     /// within a share `depth` of its radius: through four at random, then through all that are
     /// near.
     fn around(points: &[Vec3], depth: f64) -> Option<Sphere> {
@@ -123,8 +160,8 @@ impl Sphere {
                 sphere = Sphere::through(&near.copied().collect::<Vec<_>>())?;
             }
             let on = points.iter().filter(|p| sphere.off(**p).abs() < depth).count();
-            let holds = points.iter().all(|p| sphere.off(*p) < depth);
-            (holds && on >= THROUGH).then_some((on, sphere))
+            let outside = points.iter().filter(|p| sphere.off(**p) >= depth).count();
+            (outside <= OUTSIDE && on >= THROUGH).then_some((on, sphere))
         });
         tries.max_by_key(|(on, _)| *on).map(|(_, sphere)| sphere)
     }
@@ -198,6 +235,22 @@ mod tests {
             let shell = (6000.0 * share) as usize;
             assert_eq!(RangeLimit::about(&cloud, pose.apply(SENSOR)).unwrap().points, shell);
             assert_eq!((found.points, found.within(&cloud).len()), (shell, 6000 - shell));
+        }
+    }
+
+    #[test]
+    fn neither_a_stray_nor_a_wall_that_reaches_up_to_it_hides_a_limit() {
+        // The ground goes on to the limit: a tenth as many returns lie in the void before it.
+        let ground = (0..60).map(|i| [47.5 + 0.04 * f64::from(i), 0.1 * f64::from(i % 7), 0.0]);
+        let seen: Vec<Vec3> = yard(0.1, 0.02).into_iter().chain(ground).collect();
+        for stray in [None, Some([90.0, 20.0, 30.0])] {
+            let cloud: Vec<Vec3> = seen.iter().copied().chain(stray).collect();
+            let cloud = PointCloud::new(&cloud).unwrap();
+            let found = RangeLimit::find(&cloud).unwrap();
+            assert!((found.range - 50.0).abs() < 0.1 && found.points >= 600, "{found:?}");
+            let about = RangeLimit::about(&cloud, SENSOR).unwrap();
+            assert!((600..620).contains(&about.points), "{about:?}");
+            assert!(about.within(&cloud).positions().all(|p| math::norm(p) < 60.0));
         }
     }
 

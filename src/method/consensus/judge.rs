@@ -112,7 +112,8 @@ impl Search<'_> {
         for (scan, name) in self.scans.iter().zip(["source", "target"]) {
             if let Some(limit) = scan.whole().limit() {
                 let (points, range) = (limit.points, limit.range);
-                let rest = "at the limit of its sensor's range, are left out";
+                let rest = "at the limit of its sensor's range, are left out (range_limit=false \
+                            keeps them)";
                 reasons.push(format!("{points} points of the {name} {range:.1} away, {rest}"));
             }
             if scan.whole().nearest() > 0.0 {
@@ -125,16 +126,11 @@ impl Search<'_> {
         }
         let runner_up = self.runner_up(pose, &standing);
         let told = standing.probability();
-        let mut verdict = Verdict::new(told, evidence.overlap, reasons, runner_up, covariance);
+        let verdict = Verdict::new(told, evidence.overlap, reasons, runner_up, covariance);
         if verdict.decision == Decision::Accept
             && let Some(other) = self.other_scale(pose, &evidence)
         {
-            verdict.decision = Decision::Ambiguous;
-            verdict.reasons.push(format!(
-                "scaled by {:.3} the source would lie on the target with {:.0} %: are both in one unit?",
-                other.scale,
-                100.0 * other.overlap
-            ));
+            return verdict.of_two_scales(other.scale, other.overlap);
         }
         verdict
     }
