@@ -92,6 +92,8 @@ class PointCloud:
     @property
     def dropped(self) -> int: ...
     @property
+    def no_returns(self) -> int: ...
+    @property
     def bounds(self) -> npt.NDArray[np.float64] | None: ...
     @property
     def resolution(self) -> float: ...
@@ -114,7 +116,7 @@ class PointCloud:
         frame_origin: _Place,
         normals: npt.NDArray[np.float32] | None,
         viewpoint: _Place | None,
-        dropped: int,
+        dropped: tuple[int, int],
         has: tuple[npt.NDArray[np.float32] | None, dict[str, npt.NDArray[np.float32]]],
     ) -> PointCloud: ...
 
@@ -184,6 +186,7 @@ def register(
     target: _CloudLike,
     method: tuple[str, str],
     refinements: Sequence[tuple[str, str]],
+    options: str,
     weights: Kernel | Weights | None = None,
     normalize: str = "none",
     initial: _Matrix | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 from . import _interop, _native
 from .batch_results import BatchResult, BatchSummary
 from .methods import CF, Consensus, Method, _made
-from .methods.base import Refinements, _refinements
+from .methods.base import Refinements, _options, _refinements
 
 __all__ = ["register_batch"]
 
@@ -33,6 +33,8 @@ def register_batch(
     clouds: Mapping[str, Any] | None = None,
     folder: str | os.PathLike[str] | None = None,
     viewpoints: str = "file",
+    verdict: bool | str = "auto",
+    keep_no_returns: bool = False,
     voxel: float | None = None,
     sample: int | None = None,
     seed: int = 0,
@@ -55,6 +57,8 @@ def register_batch(
     clouds: Mapping[str, Any] | None = None,
     folder: str | os.PathLike[str] | None = None,
     viewpoints: str = "file",
+    verdict: bool | str = "auto",
+    keep_no_returns: bool = False,
     voxel: float | None = None,
     sample: int | None = None,
     seed: int = 0,
@@ -76,6 +80,8 @@ def register_batch(
     clouds: Mapping[str, Any] | None = None,
     folder: str | os.PathLike[str] | None = None,
     viewpoints: str = "file",
+    verdict: bool | str = "auto",
+    keep_no_returns: bool = False,
     voxel: float | None = None,
     sample: int | None = None,
     seed: int = 0,
@@ -106,6 +112,11 @@ def register_batch(
     folder : what files are relative to. None: the folder of the list, else the current one
     viewpoints : where sensors stood: "file" (where the clouds say), "origin" (at the zero of their
         frames, where they do not), "none" (unknown, whatever they say)
+    verdict : whether poses of methods without a verdict of their own are verified, by a search
+        like that of "consensus": True ("on"), False ("off"), or "auto": but for those of "cf",
+        "icp", "plane-icp" and "gicp", for which a verdict takes longer than the registration
+    keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
+        place, mostly (0, 0, 0)
     voxel : side of the cubes of which one point is kept, in the unit of the clouds; for
         "consensus" the length that all others follow from
     sample, seed : points that are kept, drawn at random after that
@@ -152,6 +163,7 @@ def register_batch(
         "seed": _count("seed", seed),
         "resume": bool(resume),
         "overwrite": bool(overwrite),
+        **_options(verdict, keep_no_returns),
     }
     found = _native.register_batch(
         pairs if isinstance(pairs, (str, os.PathLike)) else _named(pairs, given),

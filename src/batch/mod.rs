@@ -45,7 +45,7 @@ pub use places::Places;
 pub use row::Row;
 pub(crate) use row::symmetric;
 
-pub use crate::filter::Thinning;
+pub use crate::filter::{self, Thinning};
 
 use self::clouds::Clouds;
 use self::hash::Hash;
@@ -99,6 +99,9 @@ pub struct Batch<'a> {
     pub given: HashMap<String, Arc<PointCloud>>,
     /// What is known of where sensors stood; by default what the clouds say.
     pub viewpoints: Viewpoints,
+    /// Whether rows of files that mark measurements without a return are kept
+    /// ([`filter::no_returns`](crate::filter::no_returns)); by default they are left out.
+    pub keep_no_returns: bool,
     /// How clouds are thinned; not at all by default.
     pub thinning: Thinning,
     /// Pairs that run beside each other, 0 (the default) for as many as there are cores.
@@ -147,6 +150,7 @@ impl<'a> Batch<'a> {
             settings: serde_json::to_value(settings).unwrap_or_default(),
             given: HashMap::new(),
             viewpoints: Viewpoints::default(),
+            keep_no_returns: false,
             thinning: Thinning::default(),
             threads: 0,
             memory: 1 << 30,
@@ -257,6 +261,7 @@ impl<'a> Batch<'a> {
             "clouds": (!self.given.is_empty()).then(|| format!("{:016x}", self.content())),
             "method": self.settings,
             "viewpoints": self.viewpoints,
+            "keep_no_returns": self.keep_no_returns,
             "thinning": self.thinning,
             "time_limit": self.time_limit.map(|limit| limit.as_secs_f64()),
         })
@@ -358,6 +363,8 @@ impl<'a> Batch<'a> {
                 Some(given) => given.as_ref().clone(),
                 None => io::read(&path)?,
             };
+            let keep = self.keep_no_returns;
+            let cloud = if keep { cloud } else { filter::without_no_returns(cloud) };
             self.viewpoints.apply(cloud)
         })
     }

@@ -60,6 +60,7 @@ impl Batch {
         let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
         let mut batch = batch::Batch::new(&method, &method);
         batch.viewpoints = self.viewpoints;
+        batch.keep_no_returns = self.method.keep_no_returns;
         batch.thinning = thinning;
         batch.threads = self.method.threads.unwrap_or(0);
         batch.memory = self.memory;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{Outcome, outputs, print, print_json, reading, say};
 use crate::error::Result;
-use crate::filter::Thinning;
+use crate::filter::{self, NoReturns, Thinning};
 use crate::{io, search};
 
 #[derive(Args)]
@@ -26,6 +26,8 @@ struct Facts {
     file: String,
     points: usize,
     dropped: usize,
+    /// Rows that mark measurements without a return, of those points.
+    no_returns: Vec<NoReturns>,
     normals: bool,
     weights: bool,
     channels: Vec<String>,
@@ -46,6 +48,7 @@ impl Info {
                 file: path.display().to_string(),
                 points: cloud.len(),
                 dropped: cloud.dropped(),
+                no_returns: filter::no_returns(&cloud),
                 normals: cloud.normals().is_some(),
                 weights: cloud.weights().is_some(),
                 channels: cloud.channels().names().map(String::from).collect(),
@@ -68,10 +71,22 @@ impl Info {
 }
 
 impl Facts {
+    fn no_returns_text(&self) -> String {
+        let text = |mark: &NoReturns| {
+            let [x, y, z] = mark.place;
+            format!("{} points at exactly ({x}, {y}, {z})", mark.rows)
+        };
+        match self.no_returns.iter().map(text).collect::<Vec<_>>().join(", ") {
+            none if none.is_empty() => "no".into(),
+            some => some,
+        }
+    }
+
     fn text(&self) -> String {
         let mut lines = vec![
             self.file.clone(),
             format!("  points      {} ({} left out: NaN or infinite)", self.points, self.dropped),
+            format!("  no returns  {}", self.no_returns_text()),
             format!("  normals     {}", if self.normals { "yes" } else { "no" }),
         ];
         if self.weights {
@@ -113,7 +128,7 @@ impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
         outputs::check(&[&self.input], &[("output", Some(&self.output))])?;
-        let mut cloud = reading::read(&self.input, &self.thinning, 0)?;
+        let mut cloud = reading::read(&self.input, &self.thinning, true, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }

@@ -40,6 +40,10 @@ pub(super) struct Evaluate {
     known: Known,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
+    /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
+    /// (0, 0, 0)
+    #[arg(long)]
+    keep_no_returns: bool,
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
@@ -64,13 +68,17 @@ impl Evaluate {
         let transform = io::read_transform(&self.transform)?;
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
         let files = [self.source.as_path(), &self.target];
-        let [source, target] = reading::read_pair(files, &self.thinning, self.viewpoints)?;
+        let [source, target] =
+            reading::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
         let judgement =
             quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         let verdict = || {
             // The length follows its own way to thin: it wants the clouds as they are.
             let raw = Thinning { voxel: None, ..self.thinning };
-            let raw = self.thinning.voxel.map(|_| reading::read_pair(files, &raw, self.viewpoints));
+            let raw = self
+                .thinning
+                .voxel
+                .map(|_| reading::read_pair(files, &raw, self.viewpoints, self.keep_no_returns));
             let [source, target] = &raw.transpose()?.unwrap_or([source, target]);
             judge.judge(source, target, &transform)
         };

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use crate::descriptor::HistogramScale;
@@ -135,12 +135,56 @@ pub(super) struct MethodOptions {
     /// the name of a refinement in front, of that: --set icp.max_distance=0.05
     #[arg(long, value_name = "[METHOD.]NAME=VALUE", allow_hyphen_values = true)]
     set: Vec<String>,
+    /// Whether poses of methods that have no verdict of their own are verified, by a search like
+    /// that of consensus: on, off, or auto, which verifies every pose but in bulk those of cf,
+    /// icp, plane-icp and gicp, for which a verdict takes longer than the registration
+    #[arg(
+        long, value_name = "WHEN", num_args = 0..=1, require_equals = true,
+        default_value = "auto", default_missing_value = "on"
+    )]
+    verdict: WhenVerified,
+    /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
+    /// (0, 0, 0)
+    #[arg(long)]
+    pub(super) keep_no_returns: bool,
+    /// Whether many pairs are registered
+    #[arg(skip)]
+    bulk: bool,
     /// Threads, 0 for all cores; never changes the result [default: 0]
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 }
 
+/// Which poses are verified that have no verdict yet.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum WhenVerified {
+    Auto,
+    On,
+    Off,
+}
+
 impl MethodOptions {
+    /// The method with all that was typed, which starts from the pose of `--near` where it starts
+    /// from one, and verifies its pose as `--verdict` says.
+    pub(super) fn chain(&self) -> Result<Chain> {
+        let mut chain = self.method()?;
+        if let Some(near) = &self.known.near
+            && chain.first().as_refinement().is_some()
+        {
+            chain = chain.with_initial(io::read_transform(near)?)?;
+        }
+        if self.keep_no_returns {
+            chain = chain.keeping_no_returns();
+        }
+        let verified = match self.verdict {
+            WhenVerified::Auto => !self.bulk || chain.first().outweighs_verdict(),
+            WhenVerified::On => true,
+            WhenVerified::Off => false,
+        };
+        let judge = chain.first().judge();
+        Ok(if verified { chain.with_verdict(judge) } else { chain })
+    }
+
     /// What was typed, laid over the defaults of method and refinements.
     pub(super) fn method(&self) -> Result<Chain> {
         let mut method: Method = self.method.parse()?;
@@ -176,17 +220,17 @@ impl MethodOptions {
         Chain::new(method, refinements)
     }
 
-    /// The same with `--voxel` for those that make of it what they need: thinning by it would
+    /// [`chain`](Self::chain) with `--voxel` for those that make of it what they need: thinning by it would
     /// come too early.
     pub(super) fn with_length(&self, thinning: &Thinning) -> Result<(Chain, Thinning)> {
         let method: Method = self.method.parse()?;
         let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
-            return Ok((self.method()?, *thinning));
+            return Ok((self.chain()?, *thinning));
         };
         let mut options = self.clone();
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
-        Ok((options.method()?, Thinning { voxel: None, ..*thinning }))
+        Ok((options.chain()?, Thinning { voxel: None, ..*thinning }))
     }
 
     /// The same for pairs that run beside each other: refinements may stand after `+` in
@@ -197,12 +241,8 @@ impl MethodOptions {
         options.method = parts.next().unwrap_or_default();
         options.refine.splice(0..0, parts);
         options.threads = None;
+        options.bulk = true;
         options
-    }
-
-    /// What judges a pose by what is known.
-    pub(super) fn judge(&self) -> Result<Consensus> {
-        self.known.judge(None)
     }
 
     /// What is known of the pose beforehand, if anything was said.

@@ -7,12 +7,30 @@ use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 use super::say;
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::Result;
-use crate::filter::Thinning;
+use crate::filter::{self, Thinning};
 use crate::io;
 
-/// Reads `path` and thins it; `stream` keeps the samples of a pair independent.
-pub(super) fn read(path: &Path, thinning: &Thinning, stream: u64) -> Result<PointCloud> {
-    let cloud = io::read(path)?;
+/// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
+/// rest; `stream` keeps the samples of a pair independent.
+pub(super) fn read(
+    path: &Path,
+    thinning: &Thinning,
+    keep_no_returns: bool,
+    stream: u64,
+) -> Result<PointCloud> {
+    let mut cloud = io::read(path)?;
+    for mark in filter::no_returns(&cloud) {
+        let ([x, y, z], rows) = (mark.place, mark.rows);
+        let path = path.display();
+        let done = match keep_no_returns {
+            true => "kept",
+            false => "left out as missing returns; --keep-no-returns keeps them",
+        };
+        say(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
+    }
+    if !keep_no_returns {
+        cloud = filter::without_no_returns(cloud);
+    }
     if cloud.dropped() > 0 {
         let (path, dropped) = (path.display(), cloud.dropped());
         let what = "points with NaN or infinite coordinates";
@@ -26,8 +44,9 @@ pub(super) fn read_pair(
     [source, target]: [&Path; 2],
     thinning: &Thinning,
     viewpoints: Viewpoints,
+    keep_no_returns: bool,
 ) -> Result<[PointCloud; 2]> {
-    let read = |path, stream| viewpoints.apply(read(path, thinning, stream)?);
+    let read = |path, stream| viewpoints.apply(read(path, thinning, keep_no_returns, stream)?);
     Ok([read(source, 0)?, read(target, 1)?])
 }
 

@@ -11,7 +11,7 @@ use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading,
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
-use crate::method::{Consensus, Method, Register as _, Registration};
+use crate::method::{Method, Register as _, Registration};
 use crate::quality::Doubt;
 use crate::report::Pair;
 use crate::{io, par};
@@ -28,10 +28,6 @@ pub(super) struct Register {
     thinning: Thinning,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
     viewpoints: Viewpoints,
-    /// A verdict on the pose of any method, by a search like that of consensus, which has one
-    /// anyway
-    #[arg(long)]
-    verdict: bool,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
@@ -79,13 +75,10 @@ impl Register {
         let (mut registration, clouds) = par::with_threads(threads, || {
             let start = std::time::Instant::now();
             let files = [self.source.as_path(), &self.target];
-            let [source, target] = reading::read_pair(files, &thinning, self.viewpoints)?;
+            let [source, target] =
+                reading::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
-            if self.verdict && registration.verdict.is_none() {
-                let judge = self.method.judge()?;
-                registration = judged(registration, &judge, &source, &target)?;
-            }
             registration.time_s.0.insert(0, ("read", seconds));
             Ok::<_, Error>((registration, [source, target]))
         })??;
@@ -130,19 +123,6 @@ impl Register {
         }
         Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
     }
-}
-
-/// `registration` with a verdict, and the seconds that it took.
-fn judged(
-    mut registration: Registration,
-    judge: &Consensus,
-    source: &PointCloud,
-    target: &PointCloud,
-) -> Result<Registration> {
-    let mut seconds = std::mem::take(&mut registration.time_s);
-    let pose = registration.transform;
-    let verdict = seconds.time("verdict", || judge.judge(source, target, &pose))?;
-    Ok(Registration { time_s: seconds, ..registration.with_verdict(verdict) })
 }
 
 /// The command line of this process, as a shell takes it.

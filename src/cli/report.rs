@@ -77,8 +77,12 @@ impl Report {
         let (source, target) = (source?, target?);
         outputs::check(&[&self.result, &source, &target], &pictures.outputs())?;
         let bar = progress(0, "drawing");
-        let [source, target] =
-            reading::read_pair([&source, &target], &kept.thinning(), kept.viewpoints())?;
+        let [source, target] = reading::read_pair(
+            [&source, &target],
+            &kept.thinning(),
+            kept.viewpoints(),
+            kept.keeps_no_returns(),
+        )?;
         pictures.write(&kept.pair(&source, &target)?)?;
         bar.finish_and_clear();
         Ok(Outcome::Trusted)

@@ -47,7 +47,7 @@ struct Known<'a> {
 
 impl Demo {
     pub(super) fn run(&self) -> Result<Outcome> {
-        let method = self.method.method()?;
+        let method = self.method.chain()?;
         let mesh = boulder();
         let (first, second) =
             (self.seed.wrapping_mul(2), self.seed.wrapping_mul(2).wrapping_add(1));

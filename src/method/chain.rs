@@ -2,16 +2,25 @@
 
 use serde::Serialize;
 
-use super::{Cached, Icp, Method, Register, Registration};
-use crate::cloud::PointCloud;
+use super::clean::CleanCloud;
+use super::registration::Timings;
+use super::{Cached, Consensus, Icp, Method, Register, Registration, start};
+use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
+use crate::par;
 use crate::quality::Doubt;
 
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.
 ///
-/// After [`Consensus`](super::Consensus) pairs of ICP are at most two of its lengths long, unless
-/// they are told otherwise. The answer is the last registration; the ones before are in its
+/// Rows that mark missing returns ([`filter::no_returns`](crate::filter::no_returns)) are left out,
+/// and rows that share a place are one point. Refinements after
+/// [`Consensus`](super::Consensus) leave out all that its search left out, and pairs of ICP are at
+/// most two of its lengths long, unless they are told otherwise. Where the first method has a
+/// verdict, the pose that is returned has a verdict of its own; poses of other methods get one
+/// by [`with_verdict`](Self::with_verdict).
+///
+/// The answer is the last registration; the ones before are in its
 /// [`refined_from`](Registration::refined_from), their times in front of its own.
 ///
 /// ```
@@ -27,6 +36,9 @@ use crate::quality::Doubt;
 pub struct Chain {
     first: Method,
     refinements: Vec<Method>,
+    initial: Option<Transform>,
+    verdict: Option<Consensus>,
+    keep_no_returns: bool,
 }
 
 /// Most refinements: each carries the answers before it.
@@ -49,22 +61,56 @@ impl Chain {
                     "does not start from a pose: refine by icp, plane-icp, gicp, kc, cpd or dare";
                 Err(Error::config("refine", method.name(), rule))
             }
-            None => Ok(Chain { first, refinements }),
+            None => {
+                let (initial, verdict) = (None, None);
+                Ok(Chain { first, refinements, initial, verdict, keep_no_returns: false })
+            }
         }
     }
-}
 
-/// Longest pairs of ICP after [`Consensus`], in its lengths.
-///
-/// [`Consensus`]: super::Consensus
-const BOUND: f64 = 2.0;
+    /// Starts from this pose of the source in the target's frame, not from that in which the
+    /// clouds lie. Pairs of ICP without a `max_distance` are then as long as the pose may be
+    /// off, and shrink with it to two voxels of 5000 points: clouds that overlap in part are not
+    /// drawn together.
+    ///
+    /// # Errors
+    /// [`Error::Config`] for a first method that starts from no pose.
+    pub fn with_initial(self, initial: Transform) -> Result<Self> {
+        match self.first.as_refinement() {
+            Some(_) => Ok(Chain { initial: Some(initial), ..self }),
+            None => {
+                let rule = "starts from no pose: leave it out";
+                Err(Error::config("initial", self.first.name(), rule))
+            }
+        }
+    }
+
+    /// Poses of methods that have no verdict of their own are verified by a search with these
+    /// settings ([`Consensus::judge`]). Where the clouds are too small for one, that is a doubt.
+    pub fn with_verdict(self, judge: Consensus) -> Self {
+        Chain { verdict: Some(judge), ..self }
+    }
+
+    /// Keeps rows that mark missing returns.
+    pub fn keeping_no_returns(mut self) -> Self {
+        if let Method::Consensus(consensus) = &mut self.first {
+            consensus.keep_no_returns = true;
+        }
+        Chain { keep_no_returns: true, ..self }
+    }
+
+    /// The first method.
+    pub fn first(&self) -> &Method {
+        &self.first
+    }
+}
 
 /// The refinement, its pairs bounded where nothing else was said and the clouds that `found`
 /// registers overlap in part, as after consensus: pairs of any length would draw them together.
 fn bounded(method: &Method, found: &Registration) -> Method {
     match (method, &found.config) {
         (Method::Icp(icp), Method::Consensus(consensus)) if icp.max_distance.is_none() => {
-            let max_distance = consensus.voxel.map(|length| BOUND * length);
+            let max_distance = consensus.voxel.map(|length| start::MAX_PAIR * length);
             Method::Icp(Icp { max_distance, ..icp.clone() })
         }
         _ => method.clone(),
@@ -79,13 +125,29 @@ impl Register for Chain {
     }
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
-        self.refined(self.first.register_cached(source, target)?, source, target)
+        if let Method::Consensus(consensus) = &self.first {
+            return self.first.advised(self.by_search(consensus, source, target));
+        }
+        let clean = |end| CleanCloud::new(end, self.keep_no_returns);
+        let clean = par::both([source, target], clean)?;
+        let [source, target] = clean.each_ref().map(CleanCloud::cached);
+        let begun = self.first.advised(match (&self.initial, self.first.as_refinement()) {
+            (Some(initial), Some(refinement)) => match &self.first {
+                Method::Icp(icp) if icp.max_distance.is_none() => {
+                    start::refine_bounded(icp, source, target, initial)
+                }
+                _ => refinement.refine_cached(source, target, initial),
+            },
+            _ => self.first.register_cached(source, target),
+        })?;
+        let found = self.refined(begun, source, target)?;
+        self.verified(found, source, target)
     }
 }
 
 impl Chain {
-    /// The refinements alone, from an answer that was found otherwise; see
-    /// [`register`](Register::register).
+    /// The refinements alone, from an answer that was found otherwise, and the verdict; see
+    /// [`register`](Register::register). The clouds are taken as they are.
     ///
     /// # Errors
     /// Those of [`Refine::refine`](super::Refine::refine).
@@ -95,7 +157,31 @@ impl Chain {
         source: &PointCloud,
         target: &PointCloud,
     ) -> Result<Registration> {
-        self.refined(begun, source.into(), target.into())
+        let (source, target) = (source.into(), target.into());
+        let found = self.refined(begun, source, target)?;
+        self.verified(found, source, target)
+    }
+
+    /// By a search whose clouds serve the refinements, and which verifies their pose.
+    fn by_search(
+        &self,
+        consensus: &Consensus,
+        source: Cached<'_>,
+        target: Cached<'_>,
+    ) -> Result<Registration> {
+        par::with_threads(consensus.threads, || {
+            let mut times = Timings::default();
+            let search = consensus.search(source, target, &mut times)?;
+            let begun = search.registration(times)?;
+            let [source, target] = search.clouds();
+            let mut found = self.refined(begun, source, target)?;
+            if found.verdict.is_some() {
+                return Ok(found);
+            }
+            let pose = found.transform;
+            let verdict = found.time_s.time("verdict", || search.verify(&pose));
+            Ok(found.verified_by(verdict, consensus))
+        })?
     }
 
     fn refined(
@@ -113,7 +199,6 @@ impl Chain {
                     let own = std::mem::take(&mut refined.time_s);
                     refined.time_s = found.time_s.clone();
                     own.0.iter().for_each(|&(stage, seconds)| refined.time_s.add(stage, seconds));
-                    refined = refined.keep_verdict(&found, source.cloud);
                     refined.refined_from = Some(Box::new(found));
                     found = refined;
                 }
@@ -126,5 +211,42 @@ impl Chain {
             }
         }
         Ok(found)
+    }
+
+    /// With a verdict on the pose that is returned, where one was asked for, or where the pose
+    /// had one before it was refined.
+    fn verified(
+        &self,
+        mut found: Registration,
+        source: Cached<'_>,
+        target: Cached<'_>,
+    ) -> Result<Registration> {
+        if found.verdict.is_some() {
+            return Ok(found);
+        }
+        let Some(judge) = self.verdict.clone().or_else(|| judge_before(&found)) else {
+            return Ok(found);
+        };
+        let pose = found.transform;
+        let judged = found.time_s.time("verdict", || judge.judge_cached(source, target, &pose));
+        match judged {
+            Ok(verdict) => Ok(found.verified_by(verdict, &judge)),
+            Err(Error::TooFewPoints { .. } | Error::Degenerate { .. } | Error::NoWeight { .. }) => {
+                found.doubts.push(Doubt::NotVerified);
+                found.trusted = false;
+                Ok(found)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// The settings by which a pose was verified before `found` refined it.
+fn judge_before(found: &Registration) -> Option<Consensus> {
+    let before = found.refined_from.as_deref()?;
+    match (&before.verdict, &before.config) {
+        (Some(_), Method::Consensus(consensus)) => Some(consensus.clone()),
+        (Some(_), _) => Some(Consensus::default()),
+        (None, _) => judge_before(before),
     }
 }

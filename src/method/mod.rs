@@ -10,6 +10,7 @@ mod cf;
 mod cfk;
 mod chain;
 mod channels;
+mod clean;
 mod connections;
 mod consensus;
 mod cpd;
@@ -22,6 +23,7 @@ mod prepared;
 mod registration;
 mod schedule;
 mod settings;
+mod start;
 mod teaser;
 
 pub use cache::{Cache, Cached};

@@ -204,6 +204,7 @@ impl Describe {
             descriptors: Descriptors::beside(&tables)?.select(&described),
             counts: Counts {
                 dropped: cloud.dropped(),
+                no_returns: cloud.no_returns(),
                 used: points.len(),
                 keypoints: detector.map(|_| rows.len()),
                 described: described.len(),

@@ -6,7 +6,7 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::schedule::{Step, StopReason};
-use super::{Cached, Certificate, Method};
+use super::{Cached, Certificate, Consensus, Method};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::moments::Moments;
@@ -141,29 +141,30 @@ impl Registration {
     }
 }
 
-/// Rotation, degrees, and shift of the centroid, in diagonals of the source, within which a
-/// refined pose is still the one that was judged.
-const STILL: (f64, f64) = (5.0, 0.05);
-
 impl Registration {
     /// With a verdict on its pose ([`Consensus::judge`](super::Consensus::judge)), which looks
-    /// closer than agreement and replaces it as a ground for doubt.
+    /// closer than agreement and chance and replaces them as grounds for doubt.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {
-        self.doubts.retain(|doubt| !matches!(doubt, Doubt::LowAgreement { .. }));
+        self.doubts.retain(|doubt| {
+            !matches!(doubt, Doubt::LowAgreement { .. } | Doubt::HighChance { .. })
+        });
         self.doubts.extend(Doubt::of_verdict(&verdict));
         self.trusted = self.doubts.is_empty();
         Registration { verdict: Some(verdict), ..self }
     }
 
-    /// Takes over the verdict on `before`, which this refines, where it has stayed with that pose.
-    pub(super) fn keep_verdict(self, before: &Registration, source: &PointCloud) -> Self {
-        let Some(verdict) = &before.verdict else { return self };
-        let moved = quality::truth_error(&self.transform, &before.transform, source.centroid());
-        let (degrees, share) = STILL;
-        if moved.rotation_deg > degrees || moved.translation > share * source.diagonal() {
-            return self;
+    /// The same with a verdict that `judge` gave. Where wrong rotations fit as well, and neither
+    /// channels nor a prior tell them apart, the pose is ambiguous.
+    pub(super) fn verified_by(self, verdict: Verdict, judge: &Consensus) -> Self {
+        let found = self.evaluation.chance;
+        let most = quality::MAX_CHANCE_VERIFIED;
+        if found <= most || !judge.channels.is_empty() || !judge.prior.is_none() {
+            return self.with_verdict(verdict);
         }
-        self.with_verdict(verdict.clone())
+        let mut judged = self.with_verdict(verdict.with_high_chance(found));
+        judged.doubts.push(Doubt::HighChance { found, most });
+        judged.trusted = false;
+        judged
     }
 }
 
@@ -192,6 +193,9 @@ pub struct PointCounts {
 pub struct Counts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
     pub dropped: usize,
+    /// Rows that marked measurements without a return, and were left out
+    /// ([`filter::no_returns`](crate::filter::no_returns)).
+    pub no_returns: usize,
     /// Points handed to the method.
     pub used: usize,
     /// Points found by the keypoint detector; `null` where none was asked for.
@@ -211,6 +215,7 @@ impl Counts {
     pub(super) fn plain(cloud: &PointCloud) -> Self {
         Counts {
             dropped: cloud.dropped(),
+            no_returns: cloud.no_returns(),
             used: cloud.len(),
             keypoints: None,
             described: cloud.len(),

@@ -13,7 +13,7 @@ use super::any_cloud::AnyCloud;
 use super::doorway::released;
 use super::errors::{SettingError, exception};
 use super::foreign::BadRows;
-use super::registration::{Named, chain_of};
+use super::registration::{Named, Options, chain_of};
 use crate::batch::{
     self, Batch, Column, Graph, List, Row, Start, Summary, Tangent, Thinning, panics_go_to_rows,
 };
@@ -24,7 +24,6 @@ use crate::par::Interrupt;
 
 /// How a list is run, as the package gives it in JSON.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Settings {
     threads: usize,
     memory: usize,
@@ -36,6 +35,8 @@ struct Settings {
     seed: u64,
     resume: bool,
     overwrite: bool,
+    #[serde(flatten)]
+    options: Options,
 }
 
 impl Settings {
@@ -48,6 +49,7 @@ impl Settings {
         batch.memory = self.memory;
         batch.times = self.times;
         batch.viewpoints = self.viewpoints;
+        batch.keep_no_returns = self.options.keep_no_returns();
         batch.thinning = Thinning { voxel: self.voxel, sample: self.sample, seed: self.seed };
         batch.start = match (self.resume, self.overwrite) {
             (true, true) => {
@@ -96,6 +98,7 @@ pub(super) fn register_batch(
     let settings = Settings::read(settings)?;
     let (first, refinements) = chain_of(&method, &refinements)?;
     let chain = Chain::new(first, refinements).map_err(exception)?;
+    let chain = settings.options.put(chain, true)?;
     let mut batch = Batch::new(&chain, &chain);
     settings.put(&mut batch).map_err(exception)?;
     for (name, cloud) in clouds {

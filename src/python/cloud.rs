@@ -182,6 +182,12 @@ impl PyCloud {
         self.cloud.viewpoint().map(|at| read_only(PyArray1::from_slice(py, &at)))
     }
 
+    /// Rows that marked measurements without a return, and were left out.
+    #[getter]
+    fn no_returns(&self) -> usize {
+        self.cloud.no_returns()
+    }
+
     /// Points with a NaN or infinite coordinate that were left out.
     #[getter]
     fn dropped(&self) -> usize {
@@ -305,8 +311,9 @@ impl PyCloud {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
         let this = slf.get();
-        let Parts { points, origin, frame_origin, normals, viewpoint, dropped, .. } =
+        let Parts { points, origin, frame_origin, normals, viewpoint, dropped, no_returns, .. } =
             detached(py, || this.cloud.parts());
+        let dropped = (dropped, no_returns);
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
         let has = (this.weights(py), this.channels(py)?);
@@ -324,7 +331,7 @@ impl PyCloud {
         frame_origin: Vec3,
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
-        dropped: usize,
+        (dropped, no_returns): (usize, usize),
         has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>),
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
@@ -339,8 +346,17 @@ impl PyCloud {
         let own = Rows::all(points.len());
         let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
         let channels = own.channels(&has.1)?;
-        let parts =
-            Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped };
+        let parts = Parts {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+            no_returns,
+        };
         detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)
     }
 }

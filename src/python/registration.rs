@@ -5,7 +5,7 @@
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::any_cloud::AnyCloud;
@@ -27,13 +27,48 @@ pub(super) type Named = (String, String);
 /// What a registration may be given beside its method.
 struct Given {
     weights: Option<(OwnWeights, Normalization)>,
-    initial: Option<Transform>,
     matches: Option<Vec<(u32, u32)>>,
+}
+
+/// What may follow a registration, and what is left out before it; a JSON object.
+#[derive(Deserialize)]
+pub(super) struct Options {
+    /// Whether poses without a verdict are verified: on, off or auto.
+    verdict: String,
+    keep_no_returns: bool,
+}
+
+impl Options {
+    pub(super) fn read(json: &str) -> PyResult<Self> {
+        serde_json::from_str(json).map_err(|error| SettingError::new_err(error.to_string()))
+    }
+
+    /// The chain with them; `bulk`: it registers many pairs.
+    pub(super) fn put(&self, mut chain: Chain, bulk: bool) -> PyResult<Chain> {
+        if self.keep_no_returns {
+            chain = chain.keeping_no_returns();
+        }
+        let verified = match self.verdict.as_str() {
+            "auto" => !bulk || chain.first().outweighs_verdict(),
+            "on" => true,
+            "off" => false,
+            other => {
+                let error = Error::config("verdict", other, "must be on, off or auto");
+                return Err(exception(error));
+            }
+        };
+        let judge = chain.first().judge();
+        Ok(if verified { chain.with_verdict(judge) } else { chain })
+    }
+
+    pub(super) fn keep_no_returns(&self) -> bool {
+        self.keep_no_returns
+    }
 }
 
 /// Finds the pose of the source in the frame of the target; the answer as JSON.
 #[pyfunction]
-#[pyo3(signature = (source, target, method, refinements, weights=None, normalize="none", initial=None, matches=None))]
+#[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register(
     py: Python<'_>,
@@ -41,19 +76,24 @@ pub(super) fn register(
     target: &Bound<'_, PyAny>,
     method: Named,
     refinements: Vec<Named>,
+    options: &str,
     weights: Option<&Bound<'_, PyAny>>,
     normalize: &str,
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let (first, refinements) = chain_of(&method, &refinements)?;
+    let chain = Chain::new(first, refinements).map_err(exception)?;
+    let mut chain = Options::read(options)?.put(chain, false)?;
+    if let Some(initial) = initial {
+        chain = chain.with_initial(pose(initial, "initial")?).map_err(exception)?;
+    }
     let weights = match weights.map(|weights| Weights::read(weights, "weights")).transpose()? {
         Some(Weights::Own(own)) => Some((own, normalize.parse().map_err(exception)?)),
         Some(Weights::Named(_)) | None => None,
     };
     let given = Given {
         weights,
-        initial: initial.map(|initial| pose(initial, "initial")).transpose()?,
         matches: matches.map(|matches| index_pairs(matches, "matches")).transpose()?,
     };
     let cloud = |any, name| match given.matches {
@@ -63,9 +103,9 @@ pub(super) fn register(
     let (source, target) = (cloud(source, "source")?, cloud(target, "target")?);
     let (source, target) = (source.get(), target.get());
     let pool = given.weights.as_ref().map_or(Pool::Shared, |(own, _)| own.pool());
-    let found = released_on(py, pool, || {
-        let begun = begin(&first, &given, source, target)?;
-        Chain::new(first, refinements)?.go_on(begun, source, target)
+    let found = released_on(py, pool, || match begin(chain.first(), &given, source, target)? {
+        Some(begun) => chain.go_on(begun, source, target),
+        None => chain.register(source, target),
     });
     let found = match &given.weights {
         Some((own, _)) => own.blamed(found)?,
@@ -74,14 +114,14 @@ pub(super) fn register(
     to_json(&found)
 }
 
-/// The first method with what it was given.
+/// What the first method finds by its own weights or matches; `None` where it was given none.
 fn begin(
     method: &Method,
     given: &Given,
     source: &PointCloud,
     target: &PointCloud,
-) -> Result<Registration> {
-    match (method, given) {
+) -> Result<Option<Registration>> {
+    let found = match (method, given) {
         (Method::Cf(cf), Given { weights: Some((own, normalization)), .. }) => {
             cf.register_by(source, target, |connection| own.moments(connection, *normalization))
         }
@@ -91,15 +131,9 @@ fn begin(
         (Method::Teaser(teaser), Given { matches: Some(matches), .. }) => {
             teaser.register_matches(source, target, matches)
         }
-        (method, Given { initial: Some(initial), .. }) => match method.as_refinement() {
-            Some(refinement) => method.advised(refinement.refine(source, target, initial)),
-            None => {
-                let rule = "starts from no pose: leave it out";
-                Err(Error::config("initial", method.name(), rule))
-            }
-        },
-        (method, _) => method.register(source, target),
-    }
+        _ => return Ok(None),
+    };
+    found.map(Some)
 }
 
 /// Every setting of a method, as JSON.

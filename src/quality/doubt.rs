@@ -27,6 +27,17 @@ pub const MIN_AGREEMENT: f64 = 0.3;
 /// of them, of little overlap, stay below. A smaller run of the same is
 /// `cargo test --release --test trust wrong_optima -- --nocapture`.
 pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
+/// Fitness of wrong rotations above which a pose without a verdict is doubted: agreement beyond
+/// chance tells little where chance is high.
+///
+/// Of 72 real pairs of eight kinds, whole and of 1,000 points, none has more than 0.19 (`chance`
+/// of `cfreg register --json`); two samples of 200 points of `cfreg demo` have 0.45 to 0.66, of
+/// 500 points 0.28 to 0.48, and there wrong poses reach an agreement of 0.6 to 0.9.
+pub const MAX_CHANCE: f64 = 0.4;
+/// The same above which a verdict that accepts is ambiguous: a ball or a cube lies on itself
+/// however it is turned. Chosen by hand: two samples of 100 points of `cfreg demo`, told apart
+/// by their shape, reach 0.78; a ball has 0.97.
+pub const MAX_CHANCE_VERIFIED: f64 = 0.9;
 /// Second relative singular value below which a rotation is doubted: about one axis the
 /// weights then hardly tell one angle from another.
 pub const MIN_SINGULAR_VALUE: f64 = 1e-3;
@@ -50,6 +61,16 @@ pub enum Doubt {
         /// [`MIN_AGREEMENT`] or [`MIN_AGREEMENT_BY_POSITION`].
         needed: f64,
     },
+    /// Wrong rotations lay the clouds on each other nearly as well: they are small, round or
+    /// filled, and agreement tells little.
+    HighChance {
+        /// [`Evaluation::chance`].
+        found: f64,
+        /// [`MAX_CHANCE`], or with a verdict [`MAX_CHANCE_VERIFIED`].
+        most: f64,
+    },
+    /// A verdict was asked for, and the clouds have too few points or too little shape for one.
+    NotVerified,
     /// Beside [`LowAgreement`](Self::LowAgreement): no viewpoint is known of a cloud, so that its
     /// normals point to the origin of its frame, wherever that is.
     NoViewpoint,
@@ -128,12 +149,16 @@ pub enum Doubt {
 }
 
 /// All grounds to doubt a pose with this evaluation and these relative singular values;
-/// `needed` is the least agreement.
+/// `needed` is the least agreement; minus infinity where a verdict looks closer.
 pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Doubt> {
     let mut doubts = Vec::new();
     let found = evaluation.agreement();
     if found.is_nan() || found < needed {
         doubts.push(Doubt::LowAgreement { found, needed });
+    }
+    let found = evaluation.chance;
+    if needed.is_finite() && found > MAX_CHANCE {
+        doubts.push(Doubt::HighChance { found, most: MAX_CHANCE });
     }
     let found = singular_values[1];
     if found.is_nan() || found < MIN_SINGULAR_VALUE {
@@ -174,6 +199,16 @@ impl fmt::Display for Doubt {
                 f,
                 "the clouds agree by {found:.2} beyond chance under this pose, {needed:.2} is \
                  needed: it is probably wrong, or the overlap is small"
+            ),
+            Doubt::HighChance { found, most } => write!(
+                f,
+                "wrong rotations fit nearly as well (fitness by chance {found:.2}, at most \
+                 {most:.2} is allowed): the clouds are small, round or filled"
+            ),
+            Doubt::NotVerified => write!(
+                f,
+                "the pose could not be verified on the surfaces: the clouds have too few points \
+                 or too little shape"
             ),
             Doubt::NoViewpoint => write!(
                 f,

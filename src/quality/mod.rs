@@ -10,8 +10,8 @@ mod verdict;
 
 pub use covariance::{Contact, Motion, PoseCovariance};
 pub use doubt::{
-    Doubt, FLAT, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION, MIN_KEYPOINTS, MIN_SINGULAR_VALUE,
-    doubts,
+    Doubt, FLAT, MAX_CHANCE, MAX_CHANCE_VERIFIED, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION,
+    MIN_KEYPOINTS, MIN_SINGULAR_VALUE, doubts,
 };
 pub(crate) use evaluate::distance_of_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};

@@ -101,6 +101,18 @@ impl Verdict {
         Verdict { decision, probability, reasons, overlap, runner_up, covariance, other_scale }
     }
 
+    /// The same of a pose that wrong rotations fit as well as: their fitness is `chance`.
+    pub(crate) fn with_high_chance(mut self, chance: f64) -> Verdict {
+        if self.decision == Decision::Accept {
+            self.decision = Decision::Ambiguous;
+        }
+        let percent = 100.0 * chance;
+        self.reasons.push(format!(
+            "turned by quarter turns {percent:.0} % of the source still lie on the target"
+        ));
+        self
+    }
+
     /// The same of clouds of which the source scaled by `scale` would lie on the target with this
     /// `overlap`.
     pub(crate) fn of_two_scales(mut self, scale: f64, overlap: f64) -> Verdict {

@@ -104,6 +104,8 @@ pub(super) struct Ends {
 pub(super) struct Counted {
     #[serde(default)]
     pub(super) dropped: usize,
+    #[serde(default)]
+    pub(super) no_returns: usize,
     pub(super) used: usize,
     pub(super) keypoints: Option<usize>,
     pub(super) described: Option<usize>,

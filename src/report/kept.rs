@@ -40,6 +40,12 @@ impl Kept {
         self.facts.thinning()
     }
 
+    /// Whether rows that mark measurements without a return were kept, or there were none.
+    pub fn keeps_no_returns(&self) -> bool {
+        let ends = self.facts.first().points.as_ref();
+        ends.is_none_or(|ends| ends.source.no_returns + ends.target.no_returns == 0)
+    }
+
     /// Where their sensors stood.
     pub fn viewpoints(&self) -> Viewpoints {
         self.facts.viewpoints.unwrap_or_default()

@@ -90,6 +90,8 @@ def register(
     refine: Refinements = (),
     initial: npt.ArrayLike | None = None,
     matches: npt.ArrayLike | None = None,
+    verdict: bool | str = "auto",
+    keep_no_returns: bool = False,
     **settings: Any,
 ) -> Registration:
     """Find the pose of the source in the frame of the target.
@@ -106,6 +108,10 @@ def register(
         other: "gicp", ["icp", cfreg.ICP.plane(max_distance=0.1)]
     initial : (4, 4) pose to start from, for the methods that start from one
     matches : (K, 2) rows of source and target, for "teaser"
+    verdict : whether a pose of a method without a verdict of its own is verified by a search like
+        that of "consensus": True ("on"), False ("off") or "auto", which is True here
+    keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
+        place, mostly (0, 0, 0); `points` of the result counts those left out
     settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
         explain: of "consensus" voxel, seeds, prior, channels, range_limit; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
         normal_neighbors, more_neighbors, orientation, histogram; threads
@@ -113,7 +119,7 @@ def register(
     Returns
     -------
     Registration : `transform` (4, 4) maps source points into the frame of the target;
-        `trusted`, `doubts` and, of "consensus", `verdict` say whether to believe it
+        `trusted`, `doubts` and `verdict` say whether to believe it
 
     Raises
     ------
@@ -142,4 +148,6 @@ def register(
         if not isinstance(chosen, TEASER):
             raise _native.SettingError(f"matches: {chosen.name} takes none: leave them out")
         others["matches"] = np.asarray(matches)
-    return chosen._register(source, target, refine, **others)
+    return chosen._register(
+        source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns, **others
+    )

@@ -30,17 +30,31 @@ class Method:
     def __post_init__(self) -> None:
         self.settings()
 
-    def register(self, source: Any, target: Any, *, refine: Refinements = ()) -> Registration:
+    def register(
+        self,
+        source: Any,
+        target: Any,
+        *,
+        refine: Refinements = (),
+        verdict: bool | str = "auto",
+        keep_no_returns: bool = False,
+    ) -> Registration:
         """Find the pose of the source in the frame of the target.
 
         source, target : PointCloud, (N, 3) numbers, or whatever else PointCloud takes, or the path
             of a file, in the same unit
         refine : methods that start from a pose, by name or made, one after the other
+        verdict : whether a pose of a method without a verdict of its own is verified by a search
+            like that of Consensus: True ("on"), False ("off") or "auto", which is True here
+        keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly
+            one place, mostly (0, 0, 0)
 
         Raises RegistrationError where the clouds do not determine an answer; an answer that
         is not to be trusted is no error, but has `trusted` False and its `doubts`.
         """
-        return self._register(source, target, refine)
+        return self._register(
+            source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns
+        )
 
     def settings(self) -> dict[str, Any]:
         """Every setting by its name in the `config` of a result, and in the command line's:
@@ -63,9 +77,19 @@ class Method:
         return given
 
     def _register(
-        self, source: Any, target: Any, refine: Refinements, **others: Any
+        self,
+        source: Any,
+        target: Any,
+        refine: Refinements,
+        *,
+        verdict: bool | str = "auto",
+        keep_no_returns: bool = False,
+        **others: Any,
     ) -> Registration:
-        found = _native.register(source, target, self._named(), _refinements(refine), **others)
+        options = _interop.to_json(_options(verdict, keep_no_returns))
+        found = _native.register(
+            source, target, self._named(), _refinements(refine), options, **others
+        )
         return Registration(json.loads(found), (source, target))
 
     def __repr__(self) -> str:
@@ -73,6 +97,13 @@ class Method:
         fields = ((field, getattr(self, field.name)) for field in dataclasses.fields(self))
         given = [f"{field.name}={value!r}" for field, value in fields if value != field.default]
         return f"{type(self).__name__}({', '.join(given)})"
+
+
+def _options(verdict: bool | str, keep_no_returns: bool) -> dict[str, Any]:
+    """Whether poses are verified, and what is left out before."""
+    if isinstance(verdict, (bool, np.bool_)):
+        verdict = "on" if verdict else "off"
+    return {"verdict": str(verdict), "keep_no_returns": bool(keep_no_returns)}
 
 
 def _refinements(refine: Refinements) -> list[tuple[str, str]]:
@@ -104,12 +135,17 @@ class Starting(Method):
         *,
         initial: npt.ArrayLike | None = None,
         refine: Refinements = (),
+        verdict: bool | str = "auto",
+        keep_no_returns: bool = False,
     ) -> Registration:
         """As Method.register.
 
-        initial : (4, 4) pose to start from. None: the pose in which the clouds lie
+        initial : (4, 4) pose to start from. None: the pose in which the clouds lie. Pairs of ICP
+            without a max_distance are then as long as that pose may be off, and shrink with it
         """
-        return self._register(source, target, refine, initial=initial)
+        return self._register(
+            source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns, initial=initial
+        )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

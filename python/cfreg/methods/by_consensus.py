@@ -32,6 +32,7 @@ class Consensus(Method):
         a share: 1, the default, matters as much as the whole shape
     range_limit : whether returns at the limit of a sensor's range are looked for and left out;
         False where a round wall is taken for such (the reasons of the verdict tell)
+    keep_no_returns : whether rows that mark measurements without a return are kept
 
     >>> import cfreg
     >>> cfreg.Consensus().voxel is None
@@ -44,6 +45,7 @@ class Consensus(Method):
     prior: Prior | None = None
     channels: str | Sequence[str] = ()
     range_limit: bool = True
+    keep_no_returns: bool = False
     threads: int = 0
 
     def __post_init__(self) -> None:

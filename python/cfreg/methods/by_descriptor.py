@@ -159,6 +159,8 @@ class TEASER(Describing):
         *,
         matches: npt.ArrayLike | None = None,
         refine: Refinements = (),
+        verdict: bool | str = "auto",
+        keep_no_returns: bool = False,
     ) -> Registration:
         """As Method.register.
 
@@ -166,7 +168,9 @@ class TEASER(Describing):
             wrong, instead of those by descriptors. The clouds must then be finite
         """
         matches = None if matches is None else np.asarray(matches)
-        return self._register(source, target, refine, matches=matches)
+        return self._register(
+            source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns, matches=matches
+        )
 
 
 def _named(kernel: Kernel) -> dict[str, Any] | None:

@@ -34,6 +34,7 @@ pub struct PointCloud {
     channels: Channels,
     viewpoint: Option<Vec3>,
     dropped: usize,
+    no_returns: usize,
 }
 
 impl PointCloud {
@@ -179,6 +180,18 @@ impl PointCloud {
         self.dropped
     }
 
+    /// Rows that marked measurements without a return and were left out
+    /// ([`filter::without_no_returns`](crate::filter::without_no_returns)).
+    pub fn no_returns(&self) -> usize {
+        self.no_returns
+    }
+
+    /// The cloud from which so many more rows were left out because they marked missing returns.
+    pub(crate) fn counting_no_returns(mut self, rows: usize) -> Self {
+        self.no_returns += rows;
+        self
+    }
+
     /// Lowest and highest corner in the cloud's own frame; `None` when empty.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let mut points = self.points.iter();
@@ -232,6 +245,7 @@ impl PointCloud {
             frame_origin: self.frame_origin,
             viewpoint: self.viewpoint,
             dropped: self.dropped + new.dropped,
+            no_returns: self.no_returns,
             ..new
         })
     }
@@ -249,6 +263,7 @@ impl PointCloud {
             channels: self.channels.clone(),
             viewpoint: self.viewpoint.map(|v| transform.apply(v)),
             dropped: self.dropped,
+            no_returns: self.no_returns,
             ..Self::from_finite(moved, self.len())?
         })
     }

@@ -18,6 +18,7 @@ pub struct Parts {
     pub channels: Channels,
     pub viewpoint: Option<Vec3>,
     pub dropped: usize,
+    pub no_returns: usize,
 }
 
 impl PointCloud {
@@ -28,16 +29,54 @@ impl PointCloud {
     /// one normal, weight or value of a channel a point, [`Error::Config`] for a weight below 0.
     pub fn from_parts(parts: Parts) -> Result<Self> {
         parts.check()?;
-        let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
-            parts;
-        Ok(Self { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped })
+        let Parts {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+            no_returns,
+        } = parts;
+        Ok(Self {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+            no_returns,
+        })
     }
 
     /// All that the cloud consists of, to be kept elsewhere.
     pub fn parts(&self) -> Parts {
-        let Self { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped } =
-            self.clone();
-        Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped }
+        let Self {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+            no_returns,
+        } = self.clone();
+        Parts {
+            points,
+            origin,
+            frame_origin,
+            normals,
+            weights,
+            channels,
+            viewpoint,
+            dropped,
+            no_returns,
+        }
     }
 }
 

@@ -6,16 +6,17 @@ use crate::error::Result;
 use crate::method::registration::{Counts, Found, PointCounts, Timings};
 use crate::method::{Method, Registration, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
-use crate::quality::Doubt;
 
 impl Search<'_> {
-    pub(super) fn answer(self, mut times: Timings) -> Result<Registration> {
+    /// The registration by the best pose, with its verdict; seconds are added to `times`.
+    pub(in crate::method) fn registration(&self, mut times: Timings) -> Result<Registration> {
         let best = &self.attempts[self.best];
         let (settled, [from, onto]) = (self.settled, &best.surfaces);
         let covariance = times.time("covariance", || self.covariance(&settled.pose));
         let verdict = self.verdict(&settled.pose, self.evidence, covariance);
         let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
             dropped: scan.whole().cloud().dropped(),
+            no_returns: scan.whole().cloud().no_returns(),
             used: scan.whole().cloud().len(),
             keypoints: None,
             described: surface.len(),
@@ -34,11 +35,11 @@ impl Search<'_> {
             trace: Vec::new(),
             points: PointCounts { source: counts(source, from), target: counts(target, onto) },
             times,
-            doubts: Doubt::of_verdict(&verdict),
-            config: Method::Consensus(self.config),
+            doubts: Vec::new(),
+            config: Method::Consensus(self.config.clone()),
         };
-        let concluded =
-            Registration::conclude(found, source.whole().cached(), target.whole().cached())?;
-        Ok(Registration { verdict: Some(verdict), ..concluded })
+        let [source, target] = self.clouds();
+        let concluded = Registration::conclude(found, source, target)?;
+        Ok(concluded.verified_by(verdict, &self.config))
     }
 }

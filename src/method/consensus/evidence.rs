@@ -54,7 +54,8 @@ impl Evidence {
         let contradicted = |sums: Sums| share(sums.in_front as f64, sums.looked_at);
         let known = source.seen.is_some() && target.seen.is_some();
         Evidence {
-            overlap: share(there.lying, there.points).max(share(back.lying, back.points)),
+            // Unit vectors are so to rounding alone.
+            overlap: share(there.lying, there.points).max(share(back.lying, back.points)).min(1.0),
             likeness: share(there.likeness, there.points) + share(back.likeness, back.points),
             support: matches.support(pose),
             contradicted: known.then(|| contradicted(there) + contradicted(back)),

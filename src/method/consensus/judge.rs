@@ -1,7 +1,5 @@
 //! The verdict on a pose, whoever found it, beside all poses that were tried.
 
-use std::borrow::Cow;
-
 use super::evidence::Evidence;
 use super::scan::REACH;
 use super::settle::settle;
@@ -11,6 +9,7 @@ use super::{
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
+use crate::method::Cached;
 use crate::method::registration::Timings;
 use crate::par;
 use crate::quality::{Decision, PoseCovariance, RunnerUp, Verdict};
@@ -48,15 +47,26 @@ impl Consensus {
         target: &PointCloud,
         pose: &Transform,
     ) -> Result<Verdict> {
+        self.judge_cached(source.into(), target.into(), pose)
+    }
+
+    /// The same of clouds of many pairs.
+    pub(in crate::method) fn judge_cached(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+        pose: &Transform,
+    ) -> Result<Verdict> {
         let scaled = match pose.scale {
-            1.0 => Cow::Borrowed(source),
-            scale => Cow::Owned(source.transformed(&Transform { scale, ..Transform::IDENTITY })?),
+            1.0 => None,
+            scale => Some(source.cloud.transformed(&Transform { scale, ..Transform::IDENTITY })?),
         };
+        let source = scaled.as_ref().map_or(source, Cached::from);
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.search_whole((&*scaled).into(), target.into(), times)?;
-            Ok::<_, Error>(search.without_carriers(&rigid, times).verdict_on(&rigid))
+            let search = self.search_whole(source, target, times)?;
+            Ok::<_, Error>(search.without_carriers(&rigid, times).verify(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {
             other.transform.scale = pose.scale;
@@ -66,8 +76,8 @@ impl Consensus {
 }
 
 impl Search<'_> {
-    /// On a pose between the clouds' own frames.
-    fn verdict_on(&self, pose: &Transform) -> Verdict {
+    /// The verdict on a pose between the clouds' own frames.
+    pub(in crate::method) fn verify(&self, pose: &Transform) -> Verdict {
         let best = &self.attempts[self.best];
         let (ends, matches) = (best.ends(), &best.matches);
         let corners = corners(ends[0]);

@@ -88,6 +88,11 @@ pub struct Consensus {
     /// true. False where a round wall or a sky that was modelled is taken for such: the reasons
     /// of the verdict say how many points are left out.
     pub range_limit: bool,
+    /// Whether rows that mark measurements without a return ([`filter::no_returns`]) are kept;
+    /// default false: they are left out, and counted in [`Registration::points`].
+    ///
+    /// [`filter::no_returns`]: crate::filter::no_returns
+    pub keep_no_returns: bool,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
@@ -100,13 +105,14 @@ impl Default for Consensus {
             prior: Prior::default(),
             channels: Vec::new(),
             range_limit: true,
+            keep_no_returns: false,
             threads: 0,
         }
     }
 }
 
 /// Points that a cloud is thinned to.
-const POINTS: usize = 5000;
+pub(super) const POINTS: usize = 5000;
 /// How they are settled, and by as many points they are judged then.
 const LOOK: Effort = Effort { most: 1000, steps: 12, rest: 0.01 };
 /// How the answer is settled: to where its own errors are larger than those of the last step.
@@ -121,7 +127,7 @@ const NEAR: f64 = 1.0;
 const STRAY: f64 = 30.0;
 
 /// All that was tried on two clouds, and what came out best.
-struct Search<'a> {
+pub(super) struct Search<'a> {
     /// With its length in force.
     config: Consensus,
     length: f64,
@@ -167,11 +173,11 @@ impl Consensus {
 
     fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let mut times = Timings::default();
-        self.search(source, target, &mut times)?.answer(times)
+        self.search(source, target, &mut times)?.registration(times)
     }
 
     /// The search whose best pose is the answer.
-    fn search<'a>(
+    pub(super) fn search<'a>(
         &self,
         source: Cached<'a>,
         target: Cached<'a>,
@@ -196,7 +202,7 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let whole = |end| Whole::of(end, self.range_limit);
+        let whole = |end| Whole::of(end, self.range_limit, self.keep_no_returns);
         let clouds = times.time("range limit", || par::both([source, target], whole))?;
         self.search_in(clouds, times)
     }
@@ -235,6 +241,11 @@ impl Consensus {
 }
 
 impl Search<'_> {
+    /// The points that were searched, without those that were left out.
+    pub(super) fn clouds(&self) -> [Cached<'_>; 2] {
+        self.scans.each_ref().map(|scan| scan.whole().cached())
+    }
+
     /// The pose that came out best, between the clouds' own frames.
     fn found(&self) -> Transform {
         let [from, onto] = &self.attempts[self.best].surfaces;

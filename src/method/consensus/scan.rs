@@ -347,7 +347,7 @@ mod tests {
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud: &PointCloud| {
-            let whole = Whole::of(cloud.into(), true).unwrap();
+            let whole = Whole::of(cloud.into(), true, false).unwrap();
             Scan::new(whole, 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));

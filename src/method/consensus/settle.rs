@@ -166,7 +166,7 @@ mod tests {
         };
         let (source, target) = (bumps(0.0), bumps(0.4));
         let surface = |cloud: &PointCloud| {
-            let whole = Whole::of(cloud.into(), true).unwrap();
+            let whole = Whole::of(cloud.into(), true, false).unwrap();
             Scan::new(whole, 1.0, &[], "it").unwrap().surface(View::Outward).unwrap()
         };
         let (source, target) = (surface(&source), surface(&target));

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::filter;
 use crate::math::{self, Vec3};
 use crate::method::cache::{Cache, Cached, Keep};
+use crate::method::clean;
 use crate::visibility::RangeLimit;
 
 /// A cloud but for returns at the limit of its sensor's range and what travels with the sensor.
@@ -18,7 +19,7 @@ pub(super) struct Whole<'a> {
 
 /// What is left of a cloud.
 struct Part {
-    /// `None`: all of it.
+    /// `None`: all of it, as it is.
     cloud: Option<PointCloud>,
     limit: Option<RangeLimit>,
     nearest: f64,
@@ -28,15 +29,21 @@ struct Part {
 
 /// Keys of what is made of a cloud alone.
 #[derive(PartialEq)]
-struct InRange(bool);
+struct InRange {
+    limited: bool,
+    keep_no_returns: bool,
+}
 #[derive(PartialEq)]
 struct Side(usize);
 
 impl<'a> Whole<'a> {
-    /// Looks, if it is `limited`, for a limit about the sensor's place: what the cloud says or,
-    /// where it says nothing, the origin of its frame, or wherever such returns lie about.
-    pub(super) fn of(whole: Cached<'a>, limited: bool) -> Result<Self> {
-        let part = whole.get(InRange(limited), || Ok(Part::within(whole.cloud, limited)))?;
+    /// Leaves out marks of missing returns, unless they are to be kept, and makes one point of
+    /// rows that share a place. Looks, if it is `limited`, for a limit about the sensor's place:
+    /// what the cloud says or, where it says nothing, the origin of its frame, or wherever such
+    /// returns lie about.
+    pub(super) fn of(whole: Cached<'a>, limited: bool, keep_no_returns: bool) -> Result<Self> {
+        let key = InRange { limited, keep_no_returns };
+        let part = whole.get(key, || Part::within(whole.cloud, limited, keep_no_returns))?;
         Ok(Whole { cloud: whole.cloud, part })
     }
 
@@ -83,15 +90,19 @@ impl Keep for Part {
 }
 
 impl Part {
-    fn within(cloud: &PointCloud, limited: bool) -> Self {
-        let limit = match cloud.viewpoint() {
+    fn within(all: &PointCloud, limited: bool, keep_no_returns: bool) -> Result<Self> {
+        let clean = clean::points(all, keep_no_returns)?;
+        let cloud = clean.as_ref().unwrap_or(all);
+        // Marks of missing returns are not at the limit of a range, though they are kept.
+        let returns = keep_no_returns.then(|| filter::remove_no_returns(cloud)).flatten();
+        let returns = returns.as_ref().unwrap_or(cloud);
+        let limit = match returns.viewpoint() {
             _ if !limited => None,
-            Some(at) => RangeLimit::about(cloud, at),
-            None => {
-                RangeLimit::about(cloud, cloud.frame_origin()).or_else(|| RangeLimit::find(cloud))
-            }
+            Some(at) => RangeLimit::about(returns, at),
+            None => RangeLimit::about(returns, returns.frame_origin())
+                .or_else(|| RangeLimit::find(returns)),
         };
-        let cloud = limit.as_ref().map(|limit| limit.within(cloud));
-        Part { cloud, limit, nearest: 0.0, cache: Cache::default() }
+        let within = limit.as_ref().map(|limit| limit.within(cloud));
+        Ok(Part { cloud: within.or(clean), limit, nearest: 0.0, cache: Cache::default() })
     }
 }

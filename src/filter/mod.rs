@@ -1,4 +1,6 @@
-//! Fewer points: voxel grid and random sample.
+//! Fewer points: voxel grid and random sample, and one point a place.
+
+mod places;
 
 use rand::SeedableRng;
 use rand::seq::index;
@@ -10,6 +12,9 @@ use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::search;
+
+pub use self::places::{NoReturns, no_returns, without_no_returns};
+pub(crate) use self::places::{distinct_places, remove_no_returns};
 
 /// How many points of a cloud are used.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -145,9 +150,9 @@ fn cube(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
 }
 
 /// The side of cubes of which about `count` (within a tenth) hold points of `cloud`: the
-/// length of a [`voxel_grid`] that leaves about as many. For a cloud that has no more points
-/// than that, half as much again as its [`resolution`](search::resolution), which leaves most
-/// of them.
+/// length of a [`voxel_grid`] that leaves about as many. For a cloud that has points in no more
+/// places than that, half as much again as its [`resolution`](search::resolution), which leaves
+/// most of them.
 ///
 /// It scales with the cloud. 0 for a cloud in one place, or without points.
 ///
@@ -167,12 +172,17 @@ pub fn voxel_side(cloud: &PointCloud, count: usize) -> Result<f64> {
     };
     // Surfaces hold cubes by the square of their side; twelve steps are for what is not one.
     let mut side = longest / 64.0;
+    let mut ratio = f64::INFINITY;
     for _ in 0..12 {
-        let ratio = occupied(side) / count.max(1) as f64;
+        ratio = occupied(side) / count.max(1) as f64;
         if (0.9..=1.1).contains(&ratio) || side < 1e-6 * longest {
             break;
         }
         side *= ratio.sqrt().clamp(0.25, 4.0);
+    }
+    // However small cubes are, as many are not filled where rows share fewer places.
+    if ratio < 0.9 && longest > 0.0 && places::count(cloud.points().iter().step_by(step)) <= count {
+        return Ok(1.5 * search::resolution(cloud.points())?);
     }
     Ok(side)
 }

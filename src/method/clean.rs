@@ -1,0 +1,57 @@
+//! Clouds as methods take them: without marks of missing returns, one point a place.
+
+use std::sync::Arc;
+
+use super::cache::{Cache, Cached, Keep};
+use crate::cloud::PointCloud;
+use crate::error::Result;
+use crate::filter;
+
+/// A cloud without the rows that mark missing returns, and with one point for rows that share a
+/// place.
+pub(super) struct CleanCloud<'a> {
+    /// As it was handed in.
+    cloud: Cached<'a>,
+    clean: Arc<Clean>,
+}
+
+/// Points that differ from those that were handed in, and what is made of them.
+struct Clean {
+    /// `None`: all of them, as they are.
+    cloud: Option<PointCloud>,
+    cache: Cache,
+}
+
+/// Key of a clean cloud: whether marks of missing returns are kept.
+#[derive(PartialEq)]
+struct CleanKey(bool);
+
+impl<'a> CleanCloud<'a> {
+    pub(super) fn new(cloud: Cached<'a>, keep_no_returns: bool) -> Result<Self> {
+        let clean = cloud.get(CleanKey(keep_no_returns), || {
+            let cloud = points(cloud.cloud, keep_no_returns)?;
+            Ok(Clean { cloud, cache: Cache::default() })
+        })?;
+        Ok(CleanCloud { cloud, clean })
+    }
+
+    pub(super) fn cached(&self) -> Cached<'_> {
+        match &self.clean.cloud {
+            Some(cloud) => Cached { cloud, cache: Some(&self.clean.cache) },
+            None => self.cloud,
+        }
+    }
+}
+
+impl Keep for Clean {
+    fn bytes(&self) -> usize {
+        self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
+    }
+}
+
+/// What a method takes of `cloud`; `None` where that is all of it, as it is.
+pub(super) fn points(cloud: &PointCloud, keep_no_returns: bool) -> Result<Option<PointCloud>> {
+    let returns = if keep_no_returns { None } else { filter::remove_no_returns(cloud) };
+    let distinct = filter::distinct_places(returns.as_ref().unwrap_or(cloud))?;
+    Ok(distinct.or(returns))
+}

@@ -1,0 +1,202 @@
+//! The pose that is returned is the one that is verified: after refinements, from a given pose,
+//! and of methods that have no verdict of their own.
+
+mod common;
+
+use cfreg::experiment::shape::boulder;
+use cfreg::math::{self, Vec3};
+use cfreg::method::{Chain, Consensus, Icp, Method, Refine, Register};
+use cfreg::quality::{self, Decision, Doubt};
+use cfreg::{PointCloud, Transform, filter};
+
+fn chain(first: &str, refinements: &[&str]) -> Chain {
+    let refinements = refinements.iter().map(|name| name.parse().unwrap()).collect();
+    Chain::new(first.parse().unwrap(), refinements).unwrap()
+}
+
+fn boulders(points: usize) -> (PointCloud, PointCloud, Transform) {
+    let truth = Transform {
+        translation: [2.0, -1.0, 0.5],
+        ..Transform::from_rotation_vector([0.5, -0.8, 0.3])
+    };
+    let target = boulder().sample(points, 2).unwrap().transformed(&truth).unwrap();
+    (boulder().sample(points, 1).unwrap(), target, truth)
+}
+
+/// With `rows` marks of missing returns at the zero of the frame.
+fn with_zeros(cloud: &PointCloud, rows: usize) -> PointCloud {
+    let points: Vec<Vec3> = cloud.positions().chain(std::iter::repeat_n([0.0; 3], rows)).collect();
+    PointCloud::new(&points).unwrap()
+}
+
+#[test]
+fn missing_returns_change_no_method() {
+    let (source, target, _) = boulders(600);
+    let marked = [with_zeros(&source, 400), with_zeros(&target, 300)];
+    for name in ["consensus", "cf", "icp", "kc", "cpd"] {
+        let chain = chain(name, &[]);
+        let plain = chain.register(&source, &target).unwrap();
+        let found = chain.register(&marked[0], &marked[1]).unwrap();
+        let off = quality::truth_error(&found.transform, &plain.transform, source.centroid());
+        assert!(off.rotation_deg < 1e-3 && off.translation < 1e-4, "{name}: {off:?}");
+        let counts = [found.points.source, found.points.target].map(|end| end.no_returns);
+        assert_eq!(counts, [400, 300], "{name}");
+    }
+    let kept = chain("cf", &[]).keeping_no_returns().register(&marked[0], &marked[1]).unwrap();
+    assert_eq!((kept.points.source.no_returns, kept.points.source.used), (0, 1000));
+}
+
+#[test]
+fn points_that_come_in_tens_are_refined_as_if_they_came_once() {
+    let (source, target, truth) = boulders(800);
+    let tens = |cloud: &PointCloud| {
+        let points: Vec<Vec3> = (0..10).flat_map(|_| cloud.positions()).collect();
+        PointCloud::new(&points).unwrap()
+    };
+    let often = [tens(&source), tens(&target)];
+    for refine in ["plane-icp", "gicp"] {
+        let chain = chain("consensus", &[refine]);
+        let once = chain.register(&source, &target).unwrap();
+        let found = chain.register(&often[0], &often[1]).unwrap();
+        let off = quality::truth_error(&found.transform, &once.transform, source.centroid());
+        assert!(off.rotation_deg < 1e-2, "{refine}: {off:?}");
+        let off = quality::truth_error(&found.transform, &truth, source.centroid());
+        assert!(off.rotation_deg < 1.0 && found.trusted, "{refine}: {off:?} {:?}", found.doubts);
+    }
+}
+
+/// A rough sheet with a hill, and a part of it beside a wall that the source has not.
+fn overlapping() -> (PointCloud, PointCloud) {
+    let height = |x: f64, y: f64| {
+        0.3 * (3.0 * x).sin() * (2.0 * y).cos() + 0.5 * (-(x * x + y * y) * 4.0).exp()
+    };
+    let sheet = |from: f64, to: f64, shift: f64| {
+        let at = move |i: usize| {
+            let x = from + (to - from) * ((i % 60) as f64 + shift) / 60.0;
+            let y = -1.0 + 2.0 * ((i / 60) as f64 + shift) / 60.0;
+            [x, y, height(x, y)]
+        };
+        (0..3600).map(at).collect::<Vec<Vec3>>()
+    };
+    let cloud = |points: &[Vec3]| PointCloud::new(points).unwrap();
+    (cloud(&sheet(-3.0, 0.6, 0.0)), cloud(&sheet(-0.6, 3.0, 0.3)))
+}
+
+#[test]
+fn icp_from_a_pose_that_is_given_is_not_drawn_away() {
+    let (source, target) = overlapping();
+    let near = Transform {
+        translation: [0.01, -0.01, 0.01],
+        ..Transform::from_rotation_vector([0.0, 0.005, 0.01])
+    };
+    let off = |found: &Transform| {
+        quality::truth_error(found, &Transform::IDENTITY, source.centroid()).rotation_deg
+    };
+    let unbounded = Icp::default().refine(&source, &target, &near).unwrap();
+    assert!(off(&unbounded.transform) > 2.0, "{}", off(&unbounded.transform));
+    let bounded = chain("icp", &[]).with_initial(near).unwrap();
+    let found = bounded.register(&source, &target).unwrap();
+    assert!(off(&found.transform) < 0.5, "{}", off(&found.transform));
+    // What is said counts.
+    let icp = Method::Icp(Icp { max_distance: Some(100.0), ..Icp::default() });
+    let told = Chain::new(icp, Vec::new()).unwrap().with_initial(near).unwrap();
+    assert_eq!(told.register(&source, &target).unwrap().transform, unbounded.transform);
+    assert!(chain("cf", &[]).with_initial(near).is_err());
+}
+
+#[test]
+fn icp_from_a_rough_pose_finds_its_way() {
+    let (source, target, truth) = boulders(2000);
+    for angle in [0.1f64, 0.2, 0.3] {
+        let turn = Transform::from_rotation_vector([angle, 0.0, 0.0]);
+        let rough = truth.after(&turn);
+        let found =
+            chain("icp", &[]).with_initial(rough).unwrap().register(&source, &target).unwrap();
+        let off = quality::truth_error(&found.transform, &truth, source.centroid());
+        assert!(off.rotation_deg < 1.0, "from {angle}: {off:?}");
+    }
+}
+
+#[test]
+fn a_pose_that_a_refinement_moved_away_is_judged_anew() {
+    let (source, target) = overlapping();
+    // Pairs of any length draw the clouds onto each other.
+    let unbounded = Method::Icp(Icp { max_distance: Some(10.0), ..Icp::default() });
+    let chain = Chain::new("consensus".parse().unwrap(), vec![unbounded]).unwrap();
+    let found = chain.register(&source, &target).unwrap();
+    let before = found.refined_from.as_ref().unwrap();
+    assert_eq!(before.verdict.as_ref().unwrap().decision, Decision::Accept);
+    let off = quality::truth_error(&found.transform, &before.transform, source.centroid());
+    assert!(off.rotation_deg > 1.0, "{off:?}");
+    let verdict = found.verdict.as_ref().unwrap();
+    assert_ne!(verdict.decision, Decision::Accept, "{verdict}");
+    assert!(!found.trusted);
+}
+
+#[test]
+fn a_refinement_has_a_verdict_of_its_own() {
+    let (source, target, _) = boulders(1500);
+    for refine in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
+        let found = chain("consensus", &[refine]).register(&source, &target).unwrap();
+        let verdict = found.verdict.as_ref().unwrap();
+        assert!(verdict.reasons.iter().any(|reason| reason.contains("settle")), "{refine}");
+        assert_eq!(found.trusted, found.doubts.is_empty());
+    }
+    // An answer that is continued has one, too.
+    let begun = Consensus::default().register(&source, &target).unwrap();
+    let found = chain("consensus", &["icp"]).go_on(begun, &source, &target).unwrap();
+    assert!(found.verdict.is_some());
+}
+
+#[test]
+fn wrong_poses_of_small_clouds_are_not_trusted() {
+    // Samples of a filled ball: every rotation fits.
+    let ball = |seed: u64| {
+        let cube = boulder().sample(4000, seed).unwrap();
+        let center = cube.centroid();
+        let inward = |(i, p): (usize, Vec3)| {
+            let share = ((i * 7 % 100) as f64 / 100.0).cbrt();
+            let out = math::normalized(math::sub(p, center));
+            math::scaled(out, share)
+        };
+        PointCloud::new(&cube.positions().enumerate().map(inward).collect::<Vec<_>>()).unwrap()
+    };
+    let (source, target) = (filter::sample(&ball(1), 300, 1), filter::sample(&ball(2), 300, 2));
+    for name in ["cf", "cf-multiscale", "icp", "kc", "cpd", "dare"] {
+        let plain = chain(name, &[]).register(&source, &target).unwrap();
+        let doubted = |doubt: &Doubt| matches!(doubt, Doubt::HighChance { .. });
+        assert!(plain.doubts.iter().any(doubted), "{name}: {:?}", plain.evaluation);
+        let judge = Consensus::default();
+        let judged = chain(name, &[]).with_verdict(judge).register(&source, &target).unwrap();
+        assert!(!judged.trusted, "{name}: {:?}", judged.verdict);
+    }
+}
+
+#[test]
+fn a_ball_on_itself_is_not_accepted() {
+    let ball: Vec<Vec3> = boulder()
+        .sample(3000, 1)
+        .unwrap()
+        .positions()
+        .map(|p| math::normalized(math::sub(p, [0.02, 0.01, 0.0])))
+        .collect();
+    let ball = PointCloud::new(&ball).unwrap();
+    for name in ["consensus", "icp"] {
+        let chain = chain(name, &[]).with_verdict(Consensus::default());
+        let found = chain.register(&ball, &ball).unwrap();
+        let verdict = found.verdict.as_ref().unwrap();
+        assert!(found.evaluation.agreement() < 0.3, "{name}: {:?}", found.evaluation);
+        assert_ne!(verdict.decision, Decision::Accept, "{name}: {verdict}");
+        assert!(!found.trusted, "{name}");
+    }
+}
+
+#[test]
+fn clouds_too_small_for_a_verdict_are_doubted() {
+    let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
+    let cloud = PointCloud::new(&points).unwrap();
+    let icp = chain("icp", &[]).with_verdict(Consensus::default());
+    let found = icp.register(&cloud, &cloud).unwrap();
+    assert!(!found.trusted);
+    assert!(found.verdict.is_some() || found.doubts.contains(&Doubt::NotVerified));
+}
