@@ -31,8 +31,8 @@ const TIMES_USUAL: usize = 20;
 const REPEATED: f64 = 0.1;
 /// Places are counted exactly in some of so many parts of the cloud, by a hash of the place.
 const PARTS: usize = 1 << 16;
-/// Rows by which it is told how often places are written.
-const SAMPLE: usize = 4096;
+/// Parts in which it is told how often places are written, where so many have rows.
+const SAMPLE: usize = 1024;
 
 /// The bits of a place; both zeros are one.
 type Key = [u32; 3];
@@ -43,7 +43,7 @@ fn key(point: &[f32; 3]) -> Key {
 
 /// The part that a place belongs to: all of its rows are in one.
 fn part([x, y, z]: Key) -> usize {
-    let mixed = [x, y, z].into_iter().fold(0u64, |hash, bits| {
+    let mixed = [x, y, z].into_iter().fold(1u64, |hash, bits| {
         (hash.rotate_left(23) ^ u64::from(bits)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
     });
     (mixed >> 48) as usize
@@ -56,18 +56,16 @@ fn rows_of_parts(points: &[[f32; 3]]) -> Vec<u32> {
     rows
 }
 
-/// For each of some places, how many rows it has; some thousand rows or all, whole places, and
-/// the same ones wherever their rows stand in the file.
+/// For each of a thousand places or more, or for all, how many rows it has: the same places
+/// wherever their rows stand in the file.
 fn sampled_places(points: &[[f32; 3]], rows: &[u32]) -> Vec<usize> {
-    let mut left = SAMPLE as i64;
-    let taken: Vec<bool> = rows
-        .iter()
-        .map(|&rows| {
-            let taken = left > 0;
-            left -= i64::from(rows);
-            taken
-        })
-        .collect();
+    let mut left = SAMPLE;
+    let take = |&rows: &u32| {
+        let taken = left > 0;
+        left -= usize::from(taken && rows > 0);
+        taken
+    };
+    let taken: Vec<bool> = rows.iter().map(take).collect();
     let mut places: FxHashMap<Key, usize> = FxHashMap::default();
     let sampled = points.iter().map(key).filter(|&key| taken[part(key)]);
     sampled.for_each(|key| *places.entry(key).or_default() += 1);
@@ -213,6 +211,9 @@ mod tests {
         let rest = without_no_returns(cloud(&points));
         assert_eq!((rest.len(), rest.no_returns(), rest.dropped()), (1000, 350, 0));
         assert_eq!(no_returns(&rest), []);
+        // Far more marks than points.
+        let most = [sheet(1000, 1), vec![[0.0; 3]; 60_000]].concat();
+        assert_eq!(without_no_returns(cloud(&most)).len(), 1000);
         // Negative zero is zero.
         let signed = [sheet(1000, 1), vec![[0.0, -0.0, 0.0]; 15], vec![[0.0; 3]; 15]].concat();
         assert_eq!(without_no_returns(cloud(&signed)).len(), 1000);
