@@ -8,17 +8,17 @@ use super::say;
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::Result;
 use crate::filter::{self, Thinning};
-use crate::io;
+use crate::io::{self, Differences};
 
 /// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
 /// rest; `stream` keeps the samples of a pair independent.
-pub(super) fn read(
+fn read(
     path: &Path,
     thinning: &Thinning,
     keep_no_returns: bool,
     stream: u64,
 ) -> Result<PointCloud> {
-    let mut cloud = io::read(path)?;
+    let (mut cloud, _) = read_whole(path)?;
     for mark in filter::no_returns(&cloud) {
         let ([x, y, z], rows) = (mark.place, mark.rows);
         let path = path.display();
@@ -31,12 +31,38 @@ pub(super) fn read(
     if !keep_no_returns {
         cloud = filter::without_no_returns(cloud);
     }
+    thinning.apply(cloud, stream)
+}
+
+/// Reads and thins `path`, with what the cloud does not have of the file; marks of missing returns
+/// stay.
+pub(super) fn read_with_differences(
+    path: &Path,
+    thinning: &Thinning,
+) -> Result<(PointCloud, Differences)> {
+    let (cloud, differences) = read_whole(path)?;
+    Ok((thinning.apply(cloud, 0)?, differences))
+}
+
+fn read_whole(path: &Path) -> Result<(PointCloud, Differences)> {
+    let (cloud, differences) = io::read_with_differences(path)?;
     if cloud.dropped() > 0 {
         let (path, dropped) = (path.display(), cloud.dropped());
         let what = "points with NaN or infinite coordinates";
         say(&format!("cfreg: {path}: left out {dropped} {what}\n"));
     }
-    thinning.apply(cloud, stream)
+    Ok((cloud, differences))
+}
+
+/// Writes `cloud` to `path`, and says in one line in what the file differs from what was read,
+/// which had these `differences` from its own file.
+pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -> Result<()> {
+    io::write(path, cloud)?;
+    let differences = differences.and(io::differences(path, cloud)?);
+    if !differences.is_empty() {
+        say(&format!("cfreg: {}: {differences}\n", path.display()));
+    }
+    Ok(())
 }
 
 /// The source and the target of a pair.

@@ -10,6 +10,9 @@ use super::{load, replace};
 use crate::cloud::Transform;
 use crate::error::Result;
 
+/// The longest file that a pose is read from, bytes: results of a registration take some thousand.
+const LONGEST: usize = 4 << 20;
+
 /// Reads a pose: four lines of four numbers (spaces or commas between, comments after
 /// `#`), a JSON array of four rows, or a JSON object with such a field `transform`.
 ///
@@ -24,6 +27,11 @@ use crate::error::Result;
 pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     let path = path.as_ref();
     let content = load(path)?;
+    if content.len() > LONGEST {
+        return Err(
+            Fault::new(format!("has more than {LONGEST} bytes, a pose is short")).within(path)
+        );
+    }
     let matrix = match content.trim_ascii_start().first() {
         Some(b'[' | b'{') => parse_json(&content),
         _ => parse_rows(&content),
