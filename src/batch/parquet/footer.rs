@@ -101,7 +101,7 @@ impl Footer {
         file.seek(SeekFrom::Start(start))?;
         file.read_exact(&mut bytes)?;
         let parsed = Footer::parse(&bytes, start, wanted, key);
-        Ok(parsed.map_err(|what| format!("its footer is broken: {what}")))
+        Ok(parsed.map_err(|what| format!("footer: {what}")))
     }
 
     /// `end` is where the chunks must end.
@@ -293,7 +293,9 @@ fn chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(Chunk, u64)> {
         Some((start, usize::try_from(length).ok()?, u64::try_from(values).ok()?))
     };
     let (start, length, values) = weighed().ok_or_else(|| {
-        format!("a column of {values} values is at {start} with {length} bytes, and there are {end}")
+        format!(
+            "a column of {values} values is at {start} with {length} bytes, and there are {end}"
+        )
     })?;
     let snappy = match codec {
         0 => false,

@@ -29,7 +29,8 @@ impl Kept {
         if there && !path.is_file() {
             return refuse("is not a regular file");
         }
-        let text = if there { io::guard::text(path, MOST)? } else { String::new() };
+        let text =
+            if there { io::guard::text(path, MOST, "a table of rows")? } else { String::new() };
         if !first.starts_with(&text) && !text.starts_with(&first) {
             return refuse(
                 "is there and has no rows of this benchmark, or those of other settings: name \
