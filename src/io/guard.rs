@@ -149,10 +149,11 @@ impl Budget {
     /// When there are not that many.
     pub(crate) fn take(&mut self, bytes: usize) -> Result<(), String> {
         self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| {
+            let most = mebibytes(self.most);
             format!(
-                "takes more memory than such a file should, {}: it is damaged, or holds something \
-                 else; split it, if it is right",
-                mebibytes(self.most)
+                "would take more than {most} of memory, ten times its size and {}: it is damaged, or \
+                 holds something else; split it, if it is right",
+                mebibytes(FREE)
             )
         })?;
         Ok(())
