@@ -162,3 +162,51 @@ fn the_unit_and_the_place_change_nothing_else() {
     assert!((0..36).all(|k| symmetric(k / 6, k % 6)));
     assert!(math::cholesky::factor(&metres.matrix).is_some());
 }
+
+#[test]
+fn clouds_that_are_flat_and_copies_are_known_for_what_they_are() {
+    type Surface = fn(&mut Draw) -> Vec3;
+    let round = |draw: &mut Draw| (std::f64::consts::PI * draw.uniform()).sin_cos();
+    let _ = round;
+    // Shapes, and how many motions are free. Of a line, which is no surface, two at least: along
+    // it, and about it.
+    let shapes: [(&str, usize, Surface); 5] = [
+        ("plane", 3, |draw| [draw.uniform(), draw.uniform(), 0.0]),
+        ("nearly a plane", 3, |draw| [draw.uniform(), draw.uniform(), 1e-4 * draw.uniform()]),
+        ("cylinder", 2, |draw| {
+            let (sin, cos) = (std::f64::consts::PI * draw.uniform()).sin_cos();
+            [0.3 * cos, 0.3 * sin, draw.uniform()]
+        }),
+        ("sphere", 3, |draw| {
+            loop {
+                let at = [draw.uniform(), draw.uniform(), draw.uniform()];
+                if (0.2..1.0).contains(&math::norm(at)) {
+                    return math::normalized(at);
+                }
+            }
+        }),
+        ("line", 2, |draw| [draw.uniform(), 1e-3 * draw.normal(), 1e-3 * draw.normal()]),
+    ];
+    for (name, free, surface) in shapes {
+        for copy in [false, true] {
+            let mut draw = Draw(ChaCha8Rng::seed_from_u64(11));
+            let points: Vec<Vec3> = (0..4000).map(|_| surface(&mut draw)).collect();
+            let points = match copy {
+                true => points.iter().flat_map(|point| [*point; 2]).collect(),
+                false => points,
+            };
+            let motion = anywhere(4, 3.0);
+            let [source, target] = pair(points.into_iter(), 0.0, &mut draw, &motion);
+            // The true pose, whatever a search makes of such clouds.
+            let verdict = Consensus::default().judge(&source, &target, &motion.inverse()).unwrap();
+            let loose = verdict.covariance.as_ref().map(|known| known.undetermined.len());
+            println!("{name}, copy {copy}: {:?}, {loose:?} of {free}", verdict.decision);
+            let found = Consensus::default().register(&source, &target);
+            let found = found.map(|found| {
+                let loose = found.verdict.as_ref().and_then(|it| it.covariance.as_ref());
+                (found.is_usable(), loose.map(|known| known.undetermined.len()))
+            });
+            println!("    found: {found:?}");
+        }
+    }
+}

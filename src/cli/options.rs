@@ -1,6 +1,6 @@
 //! Options that several commands share, as they are typed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -183,6 +183,11 @@ impl MethodOptions {
         };
         let judge = chain.first().judge();
         Ok(if verified { chain.with_verdict(judge) } else { chain })
+    }
+
+    /// Files that are read for it.
+    pub(super) fn inputs(&self) -> Option<&Path> {
+        self.known.near.as_deref()
     }
 
     /// What was typed, laid over the defaults of method and refinements.

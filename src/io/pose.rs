@@ -6,12 +6,12 @@ use serde::Deserialize;
 
 use super::fault::{Fault, shown};
 use super::lines::{Lines, number};
-use super::{load, replace};
+use super::{guard, replace};
 use crate::cloud::Transform;
 use crate::error::Result;
 
-/// The longest file that a pose is read from, bytes: results of a registration take some thousand.
-const LONGEST: usize = 4 << 20;
+/// Most bytes of a pose, the JSON of a registration included. Chosen by hand.
+const LONGEST: u64 = 4 << 20;
 
 /// Reads a pose: four lines of four numbers (spaces or commas between, comments after
 /// `#`), a JSON array of four rows, or a JSON object with such a field `transform`.
@@ -26,11 +26,9 @@ const LONGEST: usize = 4 << 20;
 /// ```
 pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     let path = path.as_ref();
-    let content = load(path)?;
-    if content.len() > LONGEST {
-        return Err(
-            Fault::new(format!("has more than {LONGEST} bytes, a pose is short")).within(path)
-        );
+    let content = guard::bytes(path, LONGEST, "a pose")?;
+    if content.is_empty() {
+        return Err(Fault::new("is empty").within(path));
     }
     let matrix = match content.trim_ascii_start().first() {
         Some(b'[' | b'{') => parse_json(&content),
