@@ -60,7 +60,10 @@ Weights = Callable[["npt.NDArray[np.float32]"], "npt.ArrayLike"]
 
 def sinkhorn(rounds: int) -> str:
     """The normalisation by `rounds` of Sinkhorn-Knopp, 1 to 1000; two passes each."""
-    name = f"sinkhorn:{rounds}"
+    if not isinstance(rounds, (int, np.integer)):
+        rule = "must be a whole number, 1 to 1000"
+        raise _native.SettingError(f"rounds = {_interop.shown(rounds)}: {rule}")
+    name = f"sinkhorn:{_interop.shown(rounds)}"
     _native.settings("cf", json.dumps({"normalize": name}))
     return name
 
@@ -183,7 +186,9 @@ class StudentT(_Catalogued):
     nu: float = 5.0
 
     def _compiled(self) -> Any:
-        return {**super()._compiled(), "kernel": f"student-t:{self.nu}"}
+        if not isinstance(self.nu, (int, float, np.number)):
+            raise TypeError(f"nu: a number is needed, not {_interop.shown(self.nu)}")
+        return {**super()._compiled(), "kernel": f"student-t:{_interop.shown(self.nu)}"}
 
 
 class Tukey(_Catalogued):

@@ -49,7 +49,7 @@ class Broken:
 
 def oddities():
     """Values that are no cloud, no number and no setting, by what is odd about them."""
-    big = np.arange(300_000.0).reshape(-1, 3)
+    big = np.arange(30_000.0).reshape(-1, 3)
     named = np.zeros(5, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4")])
     odd = {
         "none": None,
@@ -76,16 +76,16 @@ def oddities():
         "object": object(),
         "a class": np.ndarray,
         "a function": len,
-        "a generator": (row for row in [[0.0, 0.0, 0.0]]),
+        "a generator": None,  # made anew for each call
         "a range": range(3),
         "a set": {1, 2, 3},
         "a dict": {"x": 1.0},
-        "a long dict": {str(i): i for i in range(50_000)},
+        "a long dict": {str(i): i for i in range(5_000)},
         "an empty list": [],
         "a list of nothing": [[]],
         "a ragged list": [[0.0, 1.0, 2.0], [3.0]],
         "a list of texts": [["a", "b", "c"]],
-        "a long list": list(range(100_000)),
+        "a long list": list(range(10_000)),
         "a deep list": [[[[[[0.0]]]]]],
         "a list of None": [[None, None, None]],
         "a 0-d array": np.array(1.0),
@@ -125,7 +125,7 @@ def oddities():
         "a matrix": np.asmatrix(POINTS),
         "a large array": big,
         "a large list": big.tolist(),
-        "a large array of texts": np.full(100_000, "text"),
+        "a large array of texts": np.full(10_000, "text"),
         "masked": np.ma.masked_array(POINTS, POINTS > 0),
         "masked altogether": np.ma.masked_all((5, 3)),
         "masked truths": np.ma.masked_array(np.zeros((5, 3), bool), True),
@@ -271,11 +271,14 @@ class Doors(unittest.TestCase):
     def test_odd_values_end_in_a_short_message_of_a_known_class(self):
         tried = answered = 0
         wrong = []
+        values = oddities()
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for door, call in doors(folder).items():
-                for what, value in oddities().items():
+                for what, value in values.items():
                     tried += 1
+                    if what == "a generator":
+                        value = (row for row in [[0.0, 0.0, 0.0]])
                     try:
                         call(value)
                         answered += 1
