@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use numpy::prelude::*;
 use numpy::{PyArray1, PyUntypedArray};
 use pyo3::PyTypeInfo;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{as_array, interop};
-use super::errors::{Error, ShapeError, exception};
+use super::errors::{Error, ShapeError, exception, shown};
 use crate::cloud::{Channels, ColorDepth, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
@@ -45,8 +46,16 @@ impl Rows {
     /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
     pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
         let array = as_array(any, name)?;
-        let refused = |_| Error::new_err(format!("{name}: must be numbers, one a point"));
-        let column = array.call_method1("astype", ("float64",)).map_err(refused)?;
+        let refused = || {
+            let given = shown(&array);
+            Error::new_err(format!("{name}: must be numbers, one a point, not {given}"))
+        };
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        // Neither texts nor complex numbers, both of which numpy would convert.
+        if !"biufO".contains(&kind) {
+            return Err(refused());
+        }
+        let column = array.call_method1("astype", ("float64",)).map_err(|_| refused())?;
         let shape: Vec<usize> = column.getattr("shape")?.extract()?;
         if shape != [self.number] {
             let (expected, found) = (self.number, column.getattr("shape")?);
@@ -75,7 +84,10 @@ impl Rows {
     ) -> PyResult<Channels> {
         let mut channels = Channels::default();
         for (name, values) in given {
-            let name: String = name.extract()?;
+            let Ok(name) = name.extract::<String>() else {
+                let message = format!("channels: names must be texts, not {}", shown(&name));
+                return Err(PyTypeError::new_err(message));
+            };
             let values = self.channel(&values, &format!("channels[{name:?}]"))?;
             let of_max = |&depth: &ColorDepth| depths.get(&name) == Some(&depth.max());
             let depth = [ColorDepth::Eight, ColorDepth::Sixteen].into_iter().find(of_max);
