@@ -128,10 +128,9 @@ class Page(unittest.TestCase):
         self.browser.fingers([(0.4, 0.5)], [(0.5, 0.5)], [(0.6, 0.5)])
         self.assertGreater(changed(first, self.browser.pixels()), 0.05)
         self.browser.click("#reset")
-        # Apart, so that all is twice as large; what is between the fingers stays there.
-        self.browser.fingers([(0.45, y), (0.55, y)], [(0.4, y), (0.6, y)])
-        large = self.browser.pixels()
-        self.assertGreater(share(large, ORANGE), 2.0 * share(first, ORANGE))
+        # Apart, so that all is half as large again.
+        self.browser.fingers([(0.45, y), (0.55, y)], [(0.425, y), (0.575, y)])
+        self.assertGreater(share(self.browser.pixels(), ORANGE), 1.5 * share(first, ORANGE))
         self.browser.click("#reset")
         self.browser.fingers([(0.2, 0.3), (0.8, 0.7)], [(0.35, 0.4), (0.65, 0.6)])
         self.assertLess(share(self.browser.pixels(), ORANGE), 0.5 * share(first, ORANGE))

@@ -70,6 +70,8 @@ function composed({ turn: [x, y, z, w], scale, shift }) {
   return [...columns.flatMap((column) => [...scaled(column, scale), 0]), ...shift, 1];
 }
 
+const applied = (m, [x, y, z]) => [0, 1, 2].map((row) => m[row] * x + m[4 + row] * y + m[8 + row] * z + m[12 + row]);
+
 // The rotation that is a share of the shorter way from one to another.
 function slerp(from, onto, share) {
   const cosine = dot(from, onto);

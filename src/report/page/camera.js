@@ -50,9 +50,22 @@ function makeCamera(look) {
       far = next;
     },
     frameOn(next) { frame = next; },
+    // From how far away the places are in view, but for those far outside of the frame: strays.
+    distanceFor(places) {
+      const [x, y] = [right(), up()];
+      let farthest = 0;
+      for (const place of places) {
+        const p = added(place, scaled(frame.center, -1));
+        if (norm(p) > 1.15 * frame.radius) continue;
+        const aside = Math.max(Math.abs(dot(y, p)), Math.abs(dot(x, p)) / aspect) / SLOPE;
+        farthest = Math.max(farthest, dot(toward, p) + aside);
+      }
+      return (1.08 * far * farthest) / distance();
+    },
     resize(next) { aspect = next; },
-    reset() {
-      [axis, toward, offset, far] = [look.upright, look.toward, [0, 0, 0], 1];
+    // Back to where all is seen from `distance`.
+    reset(distance = 1) {
+      [axis, toward, offset, far] = [look.upright, look.toward, [0, 0, 0], Math.min(Math.max(distance, 0.3), 1)];
     },
     // Another axis up.
     nextUp() {

@@ -44,15 +44,22 @@ const POINT_WIDTH = 1.6;
 // Pixels of a screen of usual density.
 const [LEAST_WIDTH, MOST_WIDTH] = [1.8, 14];
 
+// Points that are measured to bring all into view.
+const MEASURED = 4000;
+
 // A cloud, unpacked once; `radius` is that of all that is shown.
 function unpackCloud(shown, radius) {
+  const places = shortsOf(shown.positions);
+  const stride = Math.max(1, Math.floor(shown.shown / MEASURED));
+  const place = (k) => shown.low.map((low, axis) => low + (shown.size[axis] * places[3 * k + axis]) / 65535);
   return {
+    some: Array.from({ length: Math.ceil(shown.shown / stride) }, (_, k) => place(stride * k)),
     count: shown.shown,
     low: shown.low,
     size: shown.size,
     // Where all points lie in one place there is no distance.
     spacing: shown.spacing > 0 ? shown.spacing : 0.05 * radius,
-    places: shortsOf(shown.positions),
+    places,
     normals: new Int8Array(bytesOf(shown.normals).buffer),
     residual: bytesOf(shown.residuals),
     weight: shown.weights ? bytesOf(shown.weights) : new Uint8Array(shown.shown).fill(255),

@@ -4,8 +4,8 @@
 const TURN = Math.PI;
 const WHEEL = 0.0015;
 
-// `changed` is called after each change.
-function followGestures(canvas, camera, changed) {
+// `changed` is called after each change, `reset` for a double-click.
+function followGestures(canvas, camera, changed, reset) {
   // Where each finger or button is down: place, and whether it moves instead of turning.
   const down = new Map();
 
@@ -59,8 +59,5 @@ function followGestures(canvas, camera, changed) {
     camera.zoom(Math.exp(speed * Math.min(Math.max(event.deltaY, -300), 300)), placeOf(event));
     changed();
   }, { passive: false });
-  canvas.addEventListener("dblclick", () => {
-    camera.reset();
-    changed();
-  });
+  canvas.addEventListener("dblclick", reset);
 }

@@ -111,6 +111,19 @@ function makeView(canvas, data, shownAgain) {
     moving = requestAnimationFrame(go);
   }
 
+  // As near as nothing is out of view, wherever the source is put.
+  function reset() {
+    camera.reset();
+    const needed = stands.map((stand) => {
+      const model = composed(stand);
+      camera.frameOn(stand);
+      return camera.distanceFor([...clouds.source.some.map((place) => applied(model, place)), ...clouds.target.some]);
+    });
+    camera.reset(Math.max(...needed));
+    camera.frameOn(now);
+    redraw();
+  }
+
   const pixelRatio = () => Math.min(window.devicePixelRatio || 1, 2);
 
   function resize() {
@@ -147,13 +160,13 @@ function makeView(canvas, data, shownAgain) {
 
   paint();
   upload();
-  stand(now);
   resize();
+  reset();
   new ResizeObserver(resize).observe(canvas.parentElement);
   // Another screen may have other pixels.
   window.addEventListener("resize", resize);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
-  followGestures(canvas, camera, redraw);
+  followGestures(canvas, camera, redraw, reset);
   return {
     moveTo,
     // Part of the way from before to after.
@@ -163,7 +176,7 @@ function makeView(canvas, data, shownAgain) {
     },
     turn: changed(camera.turn),
     zoom: changed(camera.zoom),
-    reset: changed(camera.reset),
+    reset,
     nextUp: changed(camera.nextUp),
     colourBy: changed((kind) => { colourBy = kind; }),
     show: changed((what, shown) => { visible[what] = shown; }),
