@@ -88,8 +88,8 @@ fn names_with_markup_do_no_harm() {
     let page = read(folder.path(), "out.html");
     assert!(!page.contains("<img src=x"), "the name is markup");
     assert!(page.contains("&lt;img src&#x3d;x") || page.contains("&lt;img src=x"));
-    // Three scripts end: data, library, our own.
-    assert_eq!(page.matches("</script>").count(), 3);
+    // Two scripts end: data and code.
+    assert_eq!(page.matches("</script>").count(), 2);
     fs::write(
         folder.path().join("list.csv"),
         format!(

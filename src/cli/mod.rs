@@ -66,7 +66,12 @@ enum Command {
     Graph(graph::ToGraph),
     /// The paper's experiments: every trial, and its tables beside the printed ones
     Reproduce(reproduce::Reproduce),
+    /// Print the licences of all software that is compiled into this program
+    Licenses,
 }
+
+/// Crates and their licences; `tests/licenses.rs` compares it with `Cargo.lock`.
+const THIRD_PARTY: &str = include_str!("../../THIRD-PARTY.txt");
 
 /// What a command found: the exit code of an answer.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -102,6 +107,7 @@ pub fn main(meter: Option<Meter>, output: bool) -> ExitCode {
         Command::Batch(command) => command.run(),
         Command::Graph(command) => command.run(),
         Command::Reproduce(command) => command.run(meter),
+        Command::Licenses => print(THIRD_PARTY).map(|()| Outcome::Trusted),
     })
 }
 

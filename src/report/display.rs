@@ -15,9 +15,11 @@ use crate::search::{Neighborhood, Neighbors, SearchTree};
 /// A cloud to be drawn. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Shown {
-    /// Points that are shown, of how many.
+    /// Points that are shown, of how many, and how many of those drawn at random are not shown
+    /// since they are strays, far out.
     pub(super) shown: usize,
     pub(super) of: usize,
+    pub(super) strays: usize,
     /// Lowest corner of the box about the cloud's middle that positions are shares of, and its
     /// sides: three u16 a point, 65535 for the whole side.
     pub(super) low: Vec3,
@@ -36,8 +38,11 @@ pub(super) struct Shown {
     /// What positions are relative to, in the cloud's own frame.
     #[serde(skip)]
     pub(super) middle: Vec3,
+    /// The points drawn at random, strays too, and the places of those that are shown.
     #[serde(skip)]
     pub(super) cloud: PointCloud,
+    #[serde(skip)]
+    within: Vec<usize>,
     /// Normals of either sign, or zero.
     #[serde(skip)]
     pub(super) vectors: Vec<[f32; 3]>,
@@ -54,6 +59,9 @@ const NONE: u8 = 255;
 const NORMAL_NEIGHBORS: usize = 12;
 /// Share of the coordinates that is looked at for the middle of a cloud: strays do not move it.
 const CENTRAL: f64 = 0.02;
+/// How far from the central box points are shown, in its longest side: with strays farther out,
+/// 16 bits would not tell the others apart. Chosen by hand: of the box, 7000 steps are left.
+const FARTHEST: f64 = 4.0;
 
 impl Shown {
     /// At most `most` points of `cloud`, drawn at random.
@@ -61,22 +69,29 @@ impl Shown {
         let thin = filter::sample(cloud, most, 0);
         let (low, high) = central(&thin);
         let middle = math::scaled(math::add(low, high), 0.5);
-        let (low, high) = thin.bounds().unwrap_or_default();
+        let within = within(&thin, low, high);
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for &i in &within {
+            let place = thin.position(i);
+            low = [0, 1, 2].map(|axis| low[axis].min(place[axis]));
+            high = [0, 1, 2].map(|axis| high[axis].max(place[axis]));
+        }
         let size = math::sub(high, low).map(|side| if side > 0.0 { side } else { 1.0 });
         let share = |place: Vec3, axis: usize| (place[axis] - low[axis]) / size[axis];
-        let mut positions = Vec::with_capacity(6 * thin.len());
-        for place in thin.positions() {
+        let mut positions = Vec::with_capacity(6 * within.len());
+        for &i in &within {
             for axis in 0..3 {
-                let number = (share(place, axis) * 65535.0).round() as u16;
+                let number = (share(thin.position(i), axis) * 65535.0).round() as u16;
                 positions.extend(number.to_le_bytes());
             }
         }
         let (vectors, spacing) = looks(&thin)?;
         let small = |x: &f32| (x * 127.0).round() as i8 as u8;
-        let normals: Vec<u8> = vectors.as_flattened().iter().map(small).collect();
+        let normals: Vec<u8> = within.iter().flat_map(|&i| &vectors[i]).map(small).collect();
         Ok(Shown {
-            shown: thin.len(),
+            shown: within.len(),
             of: cloud.len(),
+            strays: thin.len() - within.len(),
             low: math::sub(low, middle),
             size,
             positions: STANDARD.encode(positions),
@@ -86,6 +101,7 @@ impl Shown {
             spacing,
             middle,
             cloud: thin,
+            within,
             vectors,
             distances: Vec::new(),
         })
@@ -106,10 +122,11 @@ impl Shown {
         let away = |i: usize| f64::from(tree.nearest(&moved[i]).squared_distance).sqrt() * unit;
         let seen = |distance: f64| if distance <= most { distance as f32 } else { f32::INFINITY };
         self.distances = par::map(moved.len(), || (), |_, i| seen(away(i)));
-        let small = |&distance: &f32| {
+        let small = |&i: &usize| {
+            let distance = self.distances[i];
             if distance.is_finite() { byte(f64::from(distance) / most) } else { NONE }
         };
-        self.residuals = STANDARD.encode(self.distances.iter().map(small).collect::<Vec<u8>>());
+        self.residuals = STANDARD.encode(self.within.iter().map(small).collect::<Vec<u8>>());
         Ok(())
     }
 
@@ -128,10 +145,10 @@ impl Shown {
         let tree = SearchTree::new(&local)?;
         let own = self.cloud.points();
         let bytes = par::map(
-            own.len(),
+            self.within.len(),
             || (),
             |_, i| {
-                let nearest = tree.nearest(&own[i]);
+                let nearest = tree.nearest(&own[self.within[i]]);
                 let near = f64::from(nearest.squared_distance).sqrt() <= reach;
                 let share = received[nearest.index as usize] / most;
                 if near && share >= 0.0 { byte(share.min(1.0).sqrt()) } else { NONE }
@@ -155,6 +172,17 @@ fn looks(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
     let nearest = Neighborhood::Nearest(NORMAL_NEIGHBORS);
     let neighbors = Neighbors::find(cloud.points(), nearest)?;
     Ok((normals::estimate(cloud, &neighbors, Orientation::Outward)?.vectors, spacing))
+}
+
+/// The points that are not far from the central box.
+fn within(cloud: &PointCloud, low: Vec3, high: Vec3) -> Vec<usize> {
+    let longest = math::sub(high, low).into_iter().fold(0.0, f64::max);
+    let margin = FARTHEST * longest;
+    let near = |place: Vec3| {
+        (0..3).all(|axis| (low[axis] - margin..=high[axis] + margin).contains(&place[axis]))
+    };
+    // Where nearly all lie in one place there is no length to go by.
+    (0..cloud.len()).filter(|&i| longest == 0.0 || near(cloud.position(i))).collect()
 }
 
 /// The box about the points that strays do not blow up.

@@ -19,7 +19,9 @@ pub(super) struct Frame {
 pub(super) struct Look {
     /// Unit vector to the eye.
     pub(super) toward: Vec3,
-    /// Unit vector that is up, across `toward`.
+    /// Unit vector that is up in space; the page turns about it.
+    pub(super) upright: Vec3,
+    /// And on the picture: the part of it across `toward`.
     pub(super) up: Vec3,
 }
 
@@ -36,7 +38,7 @@ impl Frame {
     /// Of both clouds, with the source where `pose` puts it.
     pub(super) fn of(source: &Shown, target: &Shown, pose: &Transform) -> Frame {
         let some = |shown: &Shown| -> Vec<Vec3> {
-            let step = shown.shown.div_ceil(MEASURED).max(1);
+            let step = shown.cloud.len().div_ceil(MEASURED).max(1);
             shown.cloud.positions().step_by(step).collect()
         };
         let local = |place: Vec3| math::sub(place, target.middle);
@@ -50,7 +52,7 @@ impl Frame {
             for axis in 0..3 {
                 let mut along: Vec<f64> = side.iter().map(|p| p[axis]).collect();
                 along.sort_by(f64::total_cmp);
-                let at = |share: f64| along[(share * (along.len() - 1) as f64) as usize];
+                let at = |share: f64| along[(share * (along.len() - 1) as f64).round() as usize];
                 low[axis] = low[axis].min(at(1.0 - SEEN));
                 high[axis] = high[axis].max(at(SEEN));
             }
@@ -60,7 +62,8 @@ impl Frame {
             let mut away: Vec<f64> =
                 side.iter().map(|&p| math::norm(math::sub(p, center))).collect();
             away.sort_by(f64::total_cmp);
-            away[(SEEN * (away.len() - 1) as f64) as usize]
+            // Of few points none is a stray.
+            away[(SEEN * (away.len() - 1) as f64).round() as usize]
         });
         let radius = radius.fold(0.0, f64::max);
         Frame { center, radius: if radius > 0.0 { radius } else { 1.0 } }
@@ -94,14 +97,18 @@ impl Look {
         // stand in most files.
         if toward[2].abs() > 0.8 && x.min(y) > 3.0 * z {
             let toward = math::normalized([0.0, -TILT, 1.0]);
-            return Look { toward, up: across([0.0, 0.0, 1.0], toward) };
+            return Look::toward(toward, [0.0, 0.0, 1.0]);
         }
         let upright = if toward[1].abs() > 0.9 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
         let up = across(upright, toward);
         let right = math::cross(up, toward);
         let aside = math::add(math::scaled(right, ASIDE[0]), math::scaled(up, ASIDE[1]));
         let toward = math::normalized(math::add(toward, aside));
-        Look { toward, up: across(upright, toward) }
+        Look::toward(toward, upright)
+    }
+
+    fn toward(toward: Vec3, upright: Vec3) -> Look {
+        Look { toward, upright, up: across(upright, toward) }
     }
 
     /// Rows: to the right, upwards, towards the eye.

@@ -14,24 +14,26 @@ use crate::error::{Error, Result};
 const PAIR: &str = include_str!("page/pair.html");
 const STYLE: &str = include_str!("page/style.css");
 /// In the order in which they need each other.
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 12] = [
+    include_str!("page/copy.js"),
+    include_str!("page/algebra.js"),
     include_str!("page/data.js"),
+    include_str!("page/webgl.js"),
     include_str!("page/clouds.js"),
     include_str!("page/lines.js"),
+    include_str!("page/arrows.js"),
+    include_str!("page/camera.js"),
+    include_str!("page/gestures.js"),
     include_str!("page/view.js"),
     include_str!("page/heat.js"),
     include_str!("page/main.js"),
 ];
-/// three.js, of which `page/vendor/README.md` tells.
-const LIBRARY: &str = include_str!("page/vendor/three.min.js");
 const LIST: &str = include_str!("page/list.html");
 const LIST_STYLE: &str = include_str!("page/list.css");
 const LIST_SCRIPT: &str = include_str!("page/list.js");
-const COPY: &str = include_str!("page/copy.js");
 
 /// The page of a pair.
 pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<String> {
-    let scripts = [&[COPY][..], &SCRIPTS].concat().join("\n");
     render(
         "pair.html",
         PAIR,
@@ -39,8 +41,7 @@ pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<Strin
             page => Value::from(Serde(text)),
             view => Value::from(Serde(view)),
             style => Value::from_safe_string(STYLE.into()),
-            library => Value::from_safe_string(LIBRARY.into()),
-            scripts => Value::from_safe_string(scripts),
+            scripts => Value::from_safe_string(SCRIPTS.join("\n")),
         },
     )
 }

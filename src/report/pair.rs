@@ -192,7 +192,7 @@ impl<'a> Pair<'a> {
             seconds: words::short(facts.time_s.0.iter().map(|stage| stage.1).sum()),
             config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
             command: self.command.as_deref(),
-            thinned: source.shown < source.of || target.shown < target.of,
+            thinned: [&source, &target].iter().any(|cloud| cloud.shown + cloud.strays < cloud.of),
             far: self.far(&source, &target),
             picture: STANDARD.encode(still.png()?),
             version: env!("CARGO_PKG_VERSION"),

@@ -76,7 +76,7 @@ struct Lit {
 impl Lit {
     /// At most `most` of those that are shown.
     fn of(shown: &Shown, most: usize) -> Lit {
-        let step = shown.shown.div_ceil(most).max(1);
+        let step = shown.cloud.len().div_ceil(most).max(1);
         let vectors = shown.vectors.iter().step_by(step);
         Lit {
             places: shown.cloud.positions().step_by(step).collect(),

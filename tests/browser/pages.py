@@ -87,8 +87,8 @@ class Browser:
         self.driver = webdriver.Chrome(options=options, service=Service(DRIVER))
         self.size(1200, 900)
 
-    def size(self, width, height):
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+    def size(self, width, height, density=1):
+        metrics = {"width": width, "height": height, "deviceScaleFactor": density, "mobile": width < 500}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
     def prefer(self, **features):
@@ -117,13 +117,43 @@ class Browser:
     def click(self, selector):
         self.script(f"document.querySelector({json.dumps(selector)}).click()")
 
+    def place(self, x, y, selector="#canvas"):
+        """Where on the page a place of an element is: shares of its width and height."""
+        box = self.script(f"document.querySelector({json.dumps(selector)}).getBoundingClientRect().toJSON()")
+        return {"x": box["left"] + x * box["width"], "y": box["top"] + y * box["height"]}
+
+    def mouse(self, *places, button="left", clicks=1, modifiers=0):
+        """Presses at the first place, moves along the others, and lets go."""
+        at = [self.place(*place) for place in places]
+        send = lambda kind, place, **more: self.driver.execute_cdp_cmd(
+            "Input.dispatchMouseEvent", {"type": kind, **place, "button": button, "modifiers": modifiers, **more}
+        )
+        for count in range(1, clicks + 1):
+            send("mousePressed", at[0], clickCount=count)
+            for place in at[1:]:
+                send("mouseMoved", place, buttons={"left": 1, "right": 2, "middle": 4}[button])
+            send("mouseReleased", at[-1], clickCount=count)
+
+    def wheel(self, x, y, turned):
+        event = {"type": "mouseWheel", **self.place(x, y), "deltaX": 0, "deltaY": turned}
+        self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+    def fingers(self, *moments):
+        """Fingers on a touch screen: at each moment the places of all."""
+        for k, places in enumerate(moments):
+            touches = [{**self.place(*place), "id": finger} for finger, place in enumerate(places)]
+            kind = "touchMove" if k else "touchStart"
+            self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
+        self.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
     def pixels(self, selector="#canvas"):
         """What is on the screen there, once it has come to rest: (height, width, 3)."""
         element = self.driver.find_element("css selector", selector)
         shot = lambda: np.asarray(Image.open(io.BytesIO(element.screenshot_as_png)).convert("RGB"), dtype=int)
         before = shot()
         for _ in range(60):
-            time.sleep(0.1)
+            # Slow machines draw all points only a while after the last movement.
+            time.sleep(0.25)
             now = shot()
             if before.shape == now.shape and (before == now).all():
                 return now

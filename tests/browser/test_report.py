@@ -1,5 +1,6 @@
 """Pages of registrations, as a person sees them: pixels, not only what stands in the file."""
 
+import json
 import unittest
 
 import numpy as np
@@ -13,6 +14,13 @@ def share(pixels, colour):
     length = np.linalg.norm(pixels, axis=2)
     along = pixels @ (colour / np.linalg.norm(colour))
     return float(np.mean((length > 40) & (along > 0.985 * length)))
+
+
+def middle(pixels, colour):
+    """Where the middle of the pixels of a colour is: shares of width and height."""
+    length = np.linalg.norm(pixels, axis=2)
+    rows, columns = np.nonzero((length > 40) & (pixels @ (colour / np.linalg.norm(colour)) > 0.985 * length))
+    return columns.mean() / pixels.shape[1], rows.mean() / pixels.shape[0]
 
 
 def changed(before, after):
@@ -82,6 +90,139 @@ class Page(unittest.TestCase):
         self.browser.driver.find_element("css selector", "#canvas").send_keys("\ue014\ue014\ue014+")
         self.assertGreater(changed(apart, self.browser.pixels()), 0.05)
         self.quiet()
+
+    def test_mouse_and_wheel(self):
+        self.open()
+        self.browser.click("#target")
+        first = self.browser.pixels()
+        x, y = middle(first, ORANGE)
+        self.browser.mouse((0.5, 0.5), (0.55, 0.5), (0.6, 0.45))
+        turned = self.browser.pixels()
+        self.assertGreater(changed(first, turned), 0.05)
+        self.browser.mouse((0.1, 0.1), clicks=2)
+        self.assertLess(changed(first, self.browser.pixels()), 0.002)
+        # The right button moves, as the left one does with a key held down.
+        for held in ({"button": "right"}, {"modifiers": 8}):
+            self.browser.mouse((0.5, 0.5), (0.55, 0.5), (0.6, 0.6), **held)
+            moved = middle(self.browser.pixels(), ORANGE)
+            self.assertAlmostEqual(moved[0] - x, 0.1, delta=0.02)
+            self.assertAlmostEqual(moved[1] - y, 0.1, delta=0.02)
+            self.browser.press("r")
+        # What is under the pointer stays there.
+        self.browser.wheel(0.1, 0.5, 200)
+        far = self.browser.pixels()
+        self.assertLess(share(far, ORANGE), 0.7 * share(first, ORANGE))
+        shrunk = np.exp(-0.0015 * 200)
+        self.assertAlmostEqual(middle(far, ORANGE)[0], 0.1 + shrunk * (x - 0.1), delta=0.02)
+        self.assertEqual(self.browser.script("scrollY"), 0)
+        self.browser.click("#reset")
+        self.assertLess(changed(first, self.browser.pixels()), 0.002)
+        self.quiet()
+
+    def test_fingers_turn_pinch_and_move(self):
+        self.browser.size(390, 800)
+        self.open()
+        self.browser.click("#target")
+        first = self.browser.pixels()
+        x, y = middle(first, ORANGE)
+        self.browser.fingers([(0.4, 0.5)], [(0.5, 0.5)], [(0.6, 0.5)])
+        self.assertGreater(changed(first, self.browser.pixels()), 0.05)
+        self.browser.click("#reset")
+        # Apart, so that all is half as large again.
+        self.browser.fingers([(0.45, y), (0.55, y)], [(0.425, y), (0.575, y)])
+        self.assertGreater(share(self.browser.pixels(), ORANGE), 1.5 * share(first, ORANGE))
+        self.browser.click("#reset")
+        self.browser.fingers([(0.2, 0.3), (0.8, 0.7)], [(0.35, 0.4), (0.65, 0.6)])
+        self.assertLess(share(self.browser.pixels(), ORANGE), 0.5 * share(first, ORANGE))
+        self.browser.click("#reset")
+        self.browser.fingers([(0.4, 0.5), (0.6, 0.5)], [(0.5, 0.5), (0.7, 0.5)], [(0.5, 0.6), (0.7, 0.6)])
+        moved = middle(self.browser.pixels(), ORANGE)
+        self.assertAlmostEqual(moved[0] - x, 0.1, delta=0.03)
+        self.assertAlmostEqual(moved[1] - y, 0.1, delta=0.03)
+        self.quiet()
+
+    def test_a_lost_context_comes_back(self):
+        self.open()
+        self.browser.press("c")
+        self.browser.click("input[name=stand][value='0']")
+        before = self.browser.pixels()
+        lose = "window.lose = document.querySelector('#canvas').getContext('webgl2').getExtension('WEBGL_lose_context')"
+        self.browser.script(f"({lose}).loseContext()")
+        self.browser.until("!document.documentElement.classList.contains('live')")
+        self.assertGreater(share(self.browser.pixels(".still"), BLUE), 0.01)
+        self.assertIn("graphics card", self.text("#note"))
+        # Nothing that is pressed meanwhile does harm, or is lost.
+        self.browser.press("t")
+        self.browser.script("window.lose.restoreContext()")
+        self.browser.until("document.documentElement.classList.contains('live')")
+        self.browser.press("t")
+        self.assertLess(changed(before, self.browser.pixels()), 0.002)
+        self.assertFalse(self.browser.script("document.querySelector('#note').checkVisibility()"))
+        self.quiet()
+
+    def test_another_size_and_another_density(self):
+        self.open()
+        self.browser.click("#target")
+        heights = []
+        for width, density in ((1200, 1), (700, 2)):
+            self.browser.size(width, 900, density)
+            self.browser.until(f"devicePixelRatio === {density}")
+            seen = self.browser.pixels()
+            box = self.browser.script("document.querySelector('#canvas').getBoundingClientRect().toJSON()")
+            size = self.browser.script("[document.querySelector('#canvas').width, document.querySelector('#canvas').height]")
+            self.assertEqual(size, [round(density * box["width"]), round(density * box["height"])])
+            rows = np.nonzero((np.abs(seen - seen[5, 5]).max(axis=2) > 60)[: int(0.9 * len(seen))].sum(axis=1) > 2)[0]
+            heights.append((rows[-1] - rows[0]) / len(seen))
+        # The clouds fill as much of the height.
+        self.assertAlmostEqual(heights[0], heights[1], delta=0.03)
+        self.quiet()
+
+    def test_odd_clouds(self):
+        """What a person sees of clouds that no method would register."""
+        folder = self.folder.path
+        rng = np.random.default_rng(3)
+        lump = rng.normal(size=(2000, 3))
+        lump *= np.array([1.2, 1.0, 0.8]) / np.linalg.norm(lump, axis=1)[:, None]
+        strays = np.vstack([lump, [[1e5, 3e4, 0], [-1e12, 0, 0]]])
+        far = np.round(0.05 * lump, 3) + [1e6, 5.6e6, 300]
+        unread = lump.copy()
+        unread[::3] = np.nan
+        right = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        cases = {
+            "one": (lump[:1], lump[:1] + [0.5, 0, 0]),
+            "two": (right[:2], right[:2] + [0, 0.2, 0]),
+            "three": (right, right + [0, 0, 0.3]),
+            "heap": (np.tile(lump[:1], (500, 1)), lump),
+            "line": (np.outer(rng.random(300), [1, 2, 3]), np.outer(rng.random(300), [3, 2, 1])),
+            "strays": (strays, lump + [0.3, 0, 0]),
+            "far": (far, far + [0.02, 0, 0]),
+            "tiny": (1e-9 * lump, 1e-9 * lump + [3e-10, 0, 0]),
+            "huge": (1e9 * lump, 1e9 * lump + [3e8, 0, 0]),
+            "unread": (unread, lump + [0.3, 0, 0]),
+        }
+        pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        for name, clouds in cases.items():
+            with self.subTest(name):
+                files = [f"{name}-{end}.xyz" for end in "st"]
+                for file, points in zip(files, clouds):
+                    np.savetxt(folder / file, points, fmt="%.17g")
+                dropped = int(np.isnan(clouds[0]).any(axis=1).sum())
+                ends = {"source": {"used": len(clouds[0]) - dropped, "dropped": dropped}, "target": {"used": len(clouds[1])}}
+                result = {"transform": pose, "method": "icp", "trusted": False, "doubts": [], "source": files[0], "target": files[1]}
+                (folder / f"{name}.json").write_text(json.dumps({**result, "points": ends}))
+                run(folder, "report", f"{name}.json")
+                self.open(f"{name}.html")
+                seen = self.browser.pixels()
+                for colour in (ORANGE, BLUE):
+                    self.assertGreater(share(seen, colour), 1e-4)
+                # All of it: nothing touches the edge.
+                edge = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
+                self.assertLess(np.ptp(edge, axis=0).max(), 30)
+                if name == "strays":
+                    self.assertIn("Not shown: 2 points of the source", self.text(".view"))
+                    # The source is where it is, and as large as the target.
+                    self.assertAlmostEqual(share(seen, ORANGE) / share(seen, BLUE), 1, delta=0.5)
+                self.quiet()
 
     def test_matrix_heat_map_and_copies(self):
         self.open()

@@ -1,81 +1,99 @@
-// Clouds as points that are lit from the eye, in one colour or by a value.
+// Clouds as round points that are lit from the eye, in one colour or by a value.
 
 const POINT_SHADER = {
   vertex: `
-    uniform vec3 low, size;
-    uniform float reach, spacing, enlarge;
-    attribute float value;
-    varying float light, shade;
+    uniform mat4 eyeFromCloud, projection;
+    uniform vec3 low, size, own, none, ramp[5];
+    uniform float reach, least, most, valued;
+    layout(location = 0) in vec3 place;
+    layout(location = 1) in vec3 normal;
+    layout(location = 2) in float value;
+    flat out vec3 colour;
+    flat out float width;
+    vec3 rampAt(float share) {
+      float at = clamp(share, 0.0, 1.0) * 4.0;
+      vec3 mixture = mix(ramp[0], ramp[1], min(at, 1.0));
+      for (int k = 1; k < 4; k++) mixture = mix(mixture, ramp[k + 1], clamp(at - float(k), 0.0, 1.0));
+      return mixture;
+    }
     void main() {
-      vec4 eye = modelViewMatrix * vec4(low + size * position, 1.0);
-      vec3 across = mat3(modelViewMatrix) * normal;
+      vec4 eye = eyeFromCloud * vec4(low + size * place, 1.0);
+      vec3 across = mat3(eyeFromCloud) * normal;
       float length2 = dot(across, across);
-      light = length2 > 0.0 ? abs(dot(across, normalize(eye.xyz))) * inversesqrt(length2) : 1.0;
-      shade = value * 255.0;
-      gl_Position = projectionMatrix * eye;
-      gl_PointSize = clamp(enlarge * spacing * reach / gl_Position.w, 1.5 * enlarge, 14.0 * enlarge);
+      float light = length2 > 0.0 ? abs(dot(across, normalize(eye.xyz))) * inversesqrt(length2) : 1.0;
+      vec3 base = valued == 0.0 ? own : value > 252.0 ? none : rampAt(value / 250.0);
+      colour = base * (0.45 + 0.55 * light);
+      gl_Position = projection * eye;
+      width = clamp(reach / gl_Position.w, least, most);
+      gl_PointSize = width;
     }`,
+  // The edge is as wide as a pixel: its cover says how many samples of the pixel are drawn.
   fragment: `
-    uniform vec3 colour, none, ramp[5];
-    uniform bool valued;
-    varying float light, shade;
+    flat in vec3 colour;
+    flat in float width;
+    out vec4 pixel;
     void main() {
-      vec2 off = gl_PointCoord - 0.5;
-      if (dot(off, off) > 0.25) discard;
-      vec3 base = colour;
-      if (valued) {
-        float at = min(shade / 250.0, 1.0) * 4.0;
-        base = mix(ramp[0], ramp[1], clamp(at, 0.0, 1.0));
-        base = mix(base, ramp[2], clamp(at - 1.0, 0.0, 1.0));
-        base = mix(base, ramp[3], clamp(at - 2.0, 0.0, 1.0));
-        base = mix(base, ramp[4], clamp(at - 3.0, 0.0, 1.0));
-        if (shade > 252.0) base = none;
-      }
-      gl_FragColor = vec4(base * (0.45 + 0.55 * light), 1.0);
+      float cover = clamp((0.5 - length(gl_PointCoord - 0.5)) * width + 0.5, 0.0, 1.0);
+      if (cover < 0.25) discard;
+      pixel = vec4(colour, cover);
     }`,
 };
 
-// Colours go to the screen as they are: no conversion on the way.
-function plainColour(text) {
-  const parts = /^#?([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})$/i.exec(text);
-  return new THREE.Vector3(...parts.slice(1).map((part) => parseInt(part, 16) / 255));
-}
+// Width of a point in distances to the next one: neighbours overlap.
+const POINT_WIDTH = 1.6;
+// Pixels of a screen of usual density.
+const [LEAST_WIDTH, MOST_WIDTH] = [1.8, 14];
 
-function makeCloud(shown) {
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(shortsOf(shown.positions), 3, true));
-  geometry.setAttribute("normal", new THREE.BufferAttribute(signedOf(shown.normals), 3, true));
-  const values = {
+// Points that are measured to bring all into view.
+const MEASURED = 4000;
+
+// A cloud, unpacked once; `radius` is that of all that is shown.
+function unpackCloud(shown, radius) {
+  const places = shortsOf(shown.positions);
+  const stride = Math.max(1, Math.floor(shown.shown / MEASURED));
+  const place = (k) => shown.low.map((low, axis) => low + (shown.size[axis] * places[3 * k + axis]) / 65535);
+  return {
+    some: Array.from({ length: Math.ceil(shown.shown / stride) }, (_, k) => place(stride * k)),
+    count: shown.shown,
+    low: shown.low,
+    size: shown.size,
+    // Where all points lie in one place there is no distance.
+    spacing: shown.spacing > 0 ? shown.spacing : 0.05 * radius,
+    places,
+    normals: new Int8Array(bytesOf(shown.normals).buffer),
     residual: bytesOf(shown.residuals),
     weight: shown.weights ? bytesOf(shown.weights) : new Uint8Array(shown.shown).fill(255),
   };
-  const attribute = (kind) => new THREE.BufferAttribute(values[kind], 1, true);
-  const attributes = { residual: attribute("residual"), weight: attribute("weight") };
-  geometry.setAttribute("value", attributes.residual);
-  const material = new THREE.ShaderMaterial({
-    vertexShader: POINT_SHADER.vertex,
-    fragmentShader: POINT_SHADER.fragment,
-    uniforms: {
-      low: { value: new THREE.Vector3(...shown.low) },
-      size: { value: new THREE.Vector3(...shown.size) },
-      spacing: { value: shown.spacing },
-      reach: { value: 1 },
-      enlarge: { value: 1 },
-      colour: { value: new THREE.Vector3() },
-      none: { value: new THREE.Vector3() },
-      ramp: { value: RAMP.map(plainColour) },
-      valued: { value: false },
-    },
-  });
-  const points = new THREE.Points(geometry, material);
-  points.frustumCulled = false;
-  points.matrixAutoUpdate = false;
+}
+
+function makeCloud(gl, cloud) {
+  const program = makeProgram(gl, POINT_SHADER);
+  const places = makeBuffer(gl, cloud.places, 0, 3, { normalized: true });
+  const normals = makeBuffer(gl, cloud.normals, 1, 3, { normalized: true });
+  const values = {
+    residual: makeBuffer(gl, cloud.residual, 2, 1),
+    weight: makeBuffer(gl, cloud.weight, 2, 1),
+  };
   return {
-    points,
-    uniforms: material.uniforms,
-    colourBy(kind) {
-      material.uniforms.valued.value = kind !== "cloud";
-      if (kind !== "cloud") geometry.setAttribute("value", attributes[kind]);
+    // `scale` is that of `model`; every `step`th point is drawn, somewhat wider.
+    draw({ view, projection, perUnit, density, none }, { model, scale, colour, colourBy, enlarge, step }) {
+      program.use({
+        eyeFromCloud: product(view, model),
+        projection,
+        low: cloud.low,
+        size: cloud.size,
+        own: colour,
+        none,
+        ramp: RAMP_RGB,
+        valued: colourBy === "cloud" ? 0 : 1,
+        reach: POINT_WIDTH * enlarge * scale * cloud.spacing * perUnit * step ** 0.25,
+        least: LEAST_WIDTH * enlarge * density,
+        most: MOST_WIDTH * enlarge * density,
+      });
+      places.use(step);
+      normals.use(step);
+      (values[colourBy] ?? values.residual).use(step);
+      gl.drawArrays(gl.POINTS, 0, Math.ceil(cloud.count / step));
     },
   };
 }

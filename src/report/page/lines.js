@@ -1,76 +1,64 @@
-// Connections as lines, and the motions that nothing holds as arrows.
+// Connections as lines, as wide on the screen wherever they are.
+
+const LINE_SHADER = {
+  vertex: `
+    uniform mat4 eyeFromSource, eyeFromTarget, projection;
+    uniform vec3 together, apart;
+    uniform vec2 pixelSize;
+    uniform float width, near;
+    layout(location = 0) in vec3 from;
+    layout(location = 1) in vec3 onto;
+    layout(location = 2) in float agrees;
+    flat out vec3 colour;
+    void main() {
+      colour = agrees > 0.0 ? together : apart;
+      vec4 a = eyeFromSource * vec4(from, 1.0);
+      vec4 b = eyeFromTarget * vec4(onto, 1.0);
+      // An end behind the eye has no place on the screen: the line begins where it comes into view.
+      if (a.z > -near && b.z < -near) a = mix(a, b, (a.z + near) / (a.z - b.z));
+      if (b.z > -near && a.z < -near) b = mix(b, a, (b.z + near) / (b.z - a.z));
+      a = projection * a;
+      b = projection * b;
+      vec4 end = (gl_VertexID & 2) == 0 ? a : b;
+      vec2 along = (b.xy / b.w - a.xy / a.w) / pixelSize;
+      along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
+      float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
+      end.xy += 0.5 * side * width * vec2(-along.y, along.x) * pixelSize * end.w;
+      gl_Position = end;
+    }`,
+  fragment: `
+    flat in vec3 colour;
+    out vec4 pixel;
+    void main() { pixel = vec4(colour, 1.0); }`,
+};
 
 const TOGETHER = "#009e73";
 const APART = "#cc79a7";
+const LINE_WIDTH = 1.3;
 
-function makeLines(weights) {
-  const [from, onto, agree] = [floatsOf(weights.from), floatsOf(weights.onto), bytesOf(weights.agree)];
-  const places = new Float32Array(2 * from.length);
-  const colours = new Float32Array(2 * from.length);
-  for (let k = 0; k < agree.length; k++) {
-    const colour = plainColour(agree[k] ? TOGETHER : APART).toArray();
-    colours.set([...colour, ...colour], 6 * k);
-  }
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-  geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
-  const lines = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ vertexColors: true }));
-  lines.frustumCulled = false;
-  const end = new THREE.Vector3();
+function makeLines(gl, weights) {
+  const program = makeProgram(gl, LINE_SHADER);
+  const instanced = true;
+  const buffers = [
+    makeBuffer(gl, floatsOf(weights.from), 0, 3, { instanced }),
+    makeBuffer(gl, floatsOf(weights.onto), 1, 3, { instanced }),
+    makeBuffer(gl, bytesOf(weights.agree), 2, 1, { instanced }),
+  ];
   return {
-    lines,
-    // Where the source stands now.
-    place(matrix) {
-      for (let k = 0; k < agree.length; k++) {
-        end.fromArray(from, 3 * k).applyMatrix4(matrix).toArray(places, 6 * k);
-        places.set(onto.subarray(3 * k, 3 * k + 3), 6 * k + 3);
-      }
-      geometry.attributes.position.needsUpdate = true;
+    // `model` is where the source is now.
+    draw({ view, projection, near, density, width, height }, model) {
+      program.use({
+        eyeFromSource: product(view, model),
+        eyeFromTarget: view,
+        projection,
+        together: rgbOf(TOGETHER),
+        apart: rgbOf(APART),
+        pixelSize: [2 / width, 2 / height],
+        width: LINE_WIDTH * density,
+        near,
+      });
+      for (const buffer of buffers) buffer.use();
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, weights.drawn);
     },
   };
-}
-
-// Over all else, so that points do not hide them.
-function arrowMaterial() {
-  const material = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.9 });
-  material.color.setRGB(...plainColour("#d55e00").toArray());
-  return material;
-}
-
-function makeArrow(arrow, radius) {
-  const group = new THREE.Group();
-  const material = arrowMaterial();
-  const thick = 0.012 * radius;
-  const add = (geometry, change) => {
-    const part = new THREE.Mesh(geometry, material);
-    change(part);
-    part.renderOrder = 2;
-    group.add(part);
-  };
-  const head = () => new THREE.ConeGeometry(3.2 * thick, 9 * thick, 20);
-  if (arrow.slides) {
-    const half = 0.75 * radius;
-    add(new THREE.CylinderGeometry(thick, thick, 2 * half, 12), () => {});
-    add(head(), (part) => part.position.set(0, half, 0));
-    add(head(), (part) => { part.position.set(0, -half, 0); part.rotation.z = Math.PI; });
-  }
-  if (arrow.turns) {
-    const ring = 0.55 * radius;
-    const arc = 1.6 * Math.PI;
-    // The ring lies in the plane of x and z, about y.
-    add(new THREE.TorusGeometry(ring, thick, 10, 64, arc), (part) => { part.rotation.x = Math.PI / 2; });
-    for (const [at, way] of [[0, 1], [arc, -1]]) {
-      add(head(), (part) => {
-        part.position.set(ring * Math.cos(at), 0, ring * Math.sin(at));
-        const along = new THREE.Vector3(Math.sin(at), 0, -Math.cos(at)).multiplyScalar(way);
-        part.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along);
-      });
-    }
-    if (!arrow.slides) {
-      add(new THREE.CylinderGeometry(0.4 * thick, 0.4 * thick, 1.5 * radius, 8), () => {});
-    }
-  }
-  group.position.set(...arrow.center);
-  group.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...arrow.axis).normalize());
-  return group;
 }

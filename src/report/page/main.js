@@ -11,18 +11,36 @@
     radios("order").forEach((radio) => radio.addEventListener("change", () => orderedBy(radio.value)));
   }
 
-  document.documentElement.classList.add("live");
-  const view = makeView(find("canvas"), data);
+  // The view, or the still picture and its note.
+  function live(on) {
+    document.documentElement.classList.toggle("live", on);
+    find("note").hidden = on;
+    for (const id of ["bar", "hint", "legend"]) find(id).hidden = !on;
+  }
+
+  function begin() {
+    live(true);
+    try {
+      return makeView(find("canvas"), data, (on) => {
+        live(on);
+        find("note").textContent = "A still picture: the graphics card dropped the view. If it does not come back, load the page again.";
+      });
+    } catch (error) {
+      console.warn(error);
+      return null;
+    }
+  }
+
+  const view = begin();
   if (!view) {
-    // The still picture and its note stay.
-    document.documentElement.classList.remove("live");
+    live(false);
     return;
   }
-  find("note").hidden = true;
-  for (const id of ["bar", "hint", "legend"]) find(id).hidden = false;
 
-  function legend(kind) {
-    const dot = (name) => `<span class="dot" style="background: var(--${name})"></span>${name}`;
+  function legend() {
+    const kind = radios("colour").find((radio) => radio.checked).value;
+    const spot = (colour, text) => `<span class="dot" style="background: ${colour}"></span>${text}`;
+    const dot = (name) => spot(`var(--${name})`, name);
     const ramp = `<span class="ramp" style="background: linear-gradient(to right, ${RAMP.join(", ")})"></span>`;
     const short = (x) => Number(x.toPrecision(3)).toString();
     find("legend").innerHTML = {
@@ -30,8 +48,10 @@
       residual: `on the other 0${ramp}${short(data.residual[0])} or more away: grey`,
       weight: `little${ramp}much weight; grey: not compared`,
     }[kind];
+    if (find("lines")?.checked) {
+      find("legend").innerHTML += `<br>${spot(TOGETHER, "brought together by the pose")}${spot(APART, "not")}`;
+    }
   }
-  legend("cloud");
 
   radios("stand").forEach((radio, k) => radio.addEventListener("change", () => {
     view.moveTo(k);
@@ -44,14 +64,18 @@
   });
   radios("colour").forEach((radio) => radio.addEventListener("change", () => {
     view.colourBy(radio.value);
-    legend(radio.value);
+    legend();
   }));
   for (const what of ["source", "target", "lines", "arrows"]) {
     const box = find(what);
     if (!box) continue;
-    box.addEventListener("change", () => view.show(what, box.checked));
+    box.addEventListener("change", () => {
+      view.show(what, box.checked);
+      legend();
+    });
     view.show(what, box.checked);
   }
+  legend();
   find("smaller").addEventListener("click", () => view.enlarge(1 / 1.3));
   find("larger").addEventListener("click", () => view.enlarge(1.3));
   find("up").addEventListener("click", view.nextUp);
@@ -76,8 +100,8 @@
   const onCanvas = {
     ArrowLeft: () => view.turn(-0.12, 0),
     ArrowRight: () => view.turn(0.12, 0),
-    ArrowUp: () => view.turn(0, -0.12),
-    ArrowDown: () => view.turn(0, 0.12),
+    ArrowUp: () => view.turn(0, 0.12),
+    ArrowDown: () => view.turn(0, -0.12),
     "+": () => view.zoom(0.85),
     "=": () => view.zoom(0.85),
     "-": () => view.zoom(1.18),

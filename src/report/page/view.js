@@ -1,71 +1,101 @@
-// The view: scene, camera, and where the source stands.
+// The view: the clouds, the connections and the arrows, and where the source is.
 
 const SMOOTH_MS = 700;
+// While something moves, a machine that needs longer than this for a picture draws fewer points.
+const SLOW_MS = 40;
+const LARGEST_STEP = 16;
 
-function makeView(canvas, data) {
-  // Asked for here, as the library complains of a machine that has none.
-  const context = canvas.getContext("webgl2", { antialias: true });
-  if (!context) return null;
-  const renderer = new THREE.WebGLRenderer({ canvas, context });
-  renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
-  const scene = new THREE.Scene();
-  const camera = new THREE.PerspectiveCamera(35, 1, 0.01, 100);
-  const [source, target] = [makeCloud(data.source), makeCloud(data.target)];
-  scene.add(target.points, source.points);
-  const lines = data.weights ? makeLines(data.weights) : null;
-  if (lines) scene.add(lines.lines);
-  const arrows = new THREE.Group();
-  data.arrows.forEach((arrow) => arrows.add(makeArrow(arrow, data.radius)));
-  scene.add(arrows);
-  let controls = null;
-
-  const stands = data.stands.map(({ name, matrix, center, radius }) => {
-    const [place, turn, scale] = [new THREE.Vector3(), new THREE.Quaternion(), new THREE.Vector3()];
-    matrixOf(matrix).decompose(place, turn, scale);
-    return { name, place, turn, scale, center: new THREE.Vector3(...center), radius };
-  });
-  const after = stands.findIndex((stand) => stand.name === "after");
+// `null` where there is no WebGL. `shownAgain` is called with false when the graphics context is
+// lost, and with true when it is back.
+function makeView(canvas, data, shownAgain) {
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
+  if (!gl) return null;
+  const clouds = { source: unpackCloud(data.source, data.radius), target: unpackCloud(data.target, data.radius) };
+  const camera = makeCamera(data.look);
+  const stands = data.stands.map(({ matrix, center, radius }) => ({ ...decomposed(matrix), center, radius }));
+  const after = data.stands.findIndex((stand) => stand.name === "after");
+  const visible = { source: true, target: true, lines: false, arrows: true };
+  let parts = null;
   let now = stands[after];
-  let wanted = false;
-  let moving = 0;
-  let enlarge = 1;
+  let [colourBy, enlarge] = ["cloud", 1];
+  let colours = {};
+  // Pictures that are asked for, and the movement that is under way.
+  let [wanted, moving] = [false, 0];
+  // Every how many-th point is drawn while something moves; and what draws the rest afterwards.
+  let [step, rest] = [1, 0];
 
-  function draw() {
-    wanted = false;
-    const distance = camera.position.distanceTo(controls.target);
-    camera.near = distance / 200;
-    camera.far = distance + 50 * data.radius;
-    camera.updateProjectionMatrix();
-    renderer.render(scene, camera);
+  // All that is on the graphics card: made again when its context was lost.
+  function upload() {
+    parts = {
+      source: makeCloud(gl, clouds.source),
+      target: makeCloud(gl, clouds.target),
+      lines: data.weights && makeLines(gl, data.weights),
+      arrows: makeArrows(gl, data.arrows, data.radius),
+    };
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  function draw(step) {
+    const [width, height] = [canvas.width, canvas.height];
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(...colours.stage, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const density = Math.max(1, 0.75 * pixelRatio());
+    const scene = { ...camera.matrices(), perUnit: height / (2 * SLOPE), width, height, density, none: colours.faint };
+    const look = { colourBy, enlarge, step };
+    const model = composed(now);
+    const still = composed({ turn: [0, 0, 0, 1], scale: 1, shift: [0, 0, 0] });
+    gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    if (visible.target) parts.target.draw(scene, { ...look, model: still, scale: 1, colour: colours.target });
+    if (visible.source) parts.source.draw(scene, { ...look, model, scale: now.scale, colour: colours.source });
+    gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    if (visible.lines) parts.lines?.draw(scene, model);
+    if (visible.arrows) parts.arrows.draw(scene);
+  }
+
+  // How long the picture took is known only when the graphics card is done.
+  function measure(start) {
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    const poll = () => {
+      if (gl.isContextLost()) return;
+      if (gl.getSyncParameter(fence, gl.SYNC_STATUS) !== gl.SIGNALED) return setTimeout(poll, 4);
+      gl.deleteSync(fence);
+      const took = performance.now() - start;
+      if (took > SLOW_MS) step = Math.min(step * 2 ** Math.ceil(Math.log2(took / SLOW_MS)), LARGEST_STEP);
+      if (took < SLOW_MS / 4) step = Math.max(step / 2, 1);
+    };
+    poll();
   }
 
   // Nothing is drawn while nothing changes.
   function redraw() {
-    if (!wanted) requestAnimationFrame(draw);
+    if (wanted) return;
     wanted = true;
+    requestAnimationFrame(() => {
+      wanted = false;
+      if (!parts) return;
+      draw(step);
+      measure(performance.now());
+      clearTimeout(rest);
+      if (step > 1) rest = setTimeout(() => parts && draw(1), 100);
+    });
+  }
+
+  function stand(next) {
+    now = next;
+    camera.frameOn(next);
+    redraw();
   }
 
   function between(from, onto, share) {
     return {
-      place: from.place.clone().lerp(onto.place, share),
-      turn: from.turn.clone().slerp(onto.turn, share),
-      scale: from.scale.clone().lerp(onto.scale, share),
-      center: from.center.clone().lerp(onto.center, share),
+      turn: slerp(from.turn, onto.turn, share),
+      scale: from.scale + share * (onto.scale - from.scale),
+      shift: mixed(from.shift, onto.shift, share),
+      center: mixed(from.center, onto.center, share),
       radius: from.radius + share * (onto.radius - from.radius),
     };
-  }
-
-  // The camera keeps its way of looking, and what is to be seen in sight.
-  function stand(next) {
-    const offset = camera.position.clone().sub(controls.target);
-    controls.target.add(next.center.clone().sub(now.center));
-    camera.position.copy(controls.target).addScaledVector(offset, next.radius / now.radius);
-    now = next;
-    source.points.matrix.compose(now.place, now.turn, now.scale);
-    source.points.matrixWorldNeedsUpdate = true;
-    if (lines) lines.place(source.points.matrix);
-    controls.update();
-    redraw();
   }
 
   function moveTo(index) {
@@ -73,118 +103,83 @@ function makeView(canvas, data) {
     const [from, onto] = [now, stands[index]];
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) return stand(onto);
     const start = performance.now();
-    const step = (time) => {
+    const go = (time) => {
       const share = Math.min(Math.max((time - start) / SMOOTH_MS, 0), 1);
       stand(share < 1 ? between(from, onto, share * share * (3 - 2 * share)) : onto);
-      if (share < 1) moving = requestAnimationFrame(step);
+      if (share < 1) moving = requestAnimationFrame(go);
     };
-    moving = requestAnimationFrame(step);
+    moving = requestAnimationFrame(go);
   }
 
+  // As near as nothing is out of view, wherever the source is put.
   function reset() {
-    const fit = 1 / Math.sin((Math.min(35, 35 * camera.aspect) / 2) * (Math.PI / 180));
-    camera.up.set(...data.look.up);
-    const away = 1.05 * fit * now.radius;
-    camera.position.copy(now.center).addScaledVector(new THREE.Vector3(...data.look.toward), away);
-    hold(now.center);
-  }
-
-  // The library takes the way up when controls are made.
-  function hold(target) {
-    controls?.dispose();
-    controls = new THREE.OrbitControls(camera, canvas);
-    controls.target.copy(target);
-    controls.addEventListener("change", redraw);
-    controls.update();
+    camera.reset();
+    const needed = stands.map((stand) => {
+      const model = composed(stand);
+      camera.frameOn(stand);
+      return camera.distanceFor([...clouds.source.some.map((place) => applied(model, place)), ...clouds.target.some]);
+    });
+    camera.reset(Math.max(...needed));
+    camera.frameOn(now);
     redraw();
   }
 
-  function turn(across, upward) {
-    const offset = camera.position.clone().sub(controls.target);
-    offset.applyAxisAngle(camera.up, across);
-    const side = new THREE.Vector3().crossVectors(camera.up, offset).normalize();
-    const tilted = offset.clone().applyAxisAngle(side, upward);
-    if (Math.abs(tilted.clone().normalize().dot(camera.up)) < 0.99) offset.copy(tilted);
-    camera.position.copy(controls.target).add(offset);
-    controls.update();
-    redraw();
-  }
-
-  const UPS = [[0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, -1], [1, 0, 0], [-1, 0, 0]];
-  let upward = 0;
-  function nextUp() {
-    upward = (upward + 1) % UPS.length;
-    camera.up.set(...UPS[upward]);
-    const offset = camera.position.clone().sub(controls.target);
-    // Looking along the way up there would be no way up on the screen.
-    if (Math.abs(offset.clone().normalize().dot(camera.up)) > 0.95) {
-      const aside = new THREE.Vector3(...UPS[(upward + 1) % UPS.length]);
-      offset.addScaledVector(aside, 0.6 * offset.length());
-      camera.position.copy(controls.target).add(offset);
-    }
-    hold(controls.target);
-  }
+  const pixelRatio = () => Math.min(window.devicePixelRatio || 1, 2);
 
   function resize() {
-    const { clientWidth: width, clientHeight: height } = canvas.parentElement;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    renderer.setPixelRatio(ratio);
-    renderer.setSize(width, height, false);
-    camera.aspect = width / height;
-    for (const cloud of [source, target]) {
-      cloud.uniforms.reach.value = (1.6 * ratio * height) / (2 * Math.tan((35 / 2) * (Math.PI / 180)));
-      cloud.uniforms.enlarge.value = enlarge * Math.max(1, ratio * 0.75);
-    }
+    const { clientWidth, clientHeight } = canvas.parentElement;
+    const size = [clientWidth, clientHeight].map((length) => Math.max(1, Math.round(length * pixelRatio())));
+    if (size[0] !== canvas.width) canvas.width = size[0];
+    if (size[1] !== canvas.height) canvas.height = size[1];
+    camera.resize(canvas.width / canvas.height);
+    // At once, as a canvas is empty after it changed its size.
+    if (parts) draw(step);
     redraw();
   }
 
   function paint() {
-    renderer.setClearColor(new THREE.Color().setRGB(...plainColour(colourOf("--stage")).toArray()), 1);
-    source.uniforms.colour.value = plainColour(colourOf("--source"));
-    target.uniforms.colour.value = plainColour(colourOf("--target"));
-    for (const cloud of [source, target]) cloud.uniforms.none.value = plainColour(colourOf("--faint"));
+    colours = Object.fromEntries(["stage", "source", "target", "faint"].map((name) => [name, styleColour(`--${name}`)]));
     redraw();
   }
 
-  target.points.matrix.identity();
-  new ResizeObserver(resize).observe(canvas.parentElement);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+  canvas.addEventListener("webglcontextlost", (event) => {
+    // Without this it would never come back.
+    event.preventDefault();
+    parts = null;
+    shownAgain(false);
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    upload();
+    shownAgain(true);
+    resize();
+  });
+  const changed = (change) => (...values) => {
+    change(...values);
+    redraw();
+  };
+
+  paint();
+  upload();
   resize();
   reset();
-  stand(now);
-  paint();
+  new ResizeObserver(resize).observe(canvas.parentElement);
+  // Another screen may have other pixels.
+  window.addEventListener("resize", resize);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+  followGestures(canvas, camera, redraw, reset);
   return {
-    stands,
     moveTo,
-    reset,
-    nextUp,
-    turn,
-    redraw,
-    draw,
-    zoom(factor) {
-      const offset = camera.position.clone().sub(controls.target).multiplyScalar(factor);
-      camera.position.copy(controls.target).add(offset);
-      controls.update();
-      redraw();
-    },
     // Part of the way from before to after.
     scrub(share) {
       cancelAnimationFrame(moving);
       stand(between(stands[0], stands[after], share));
     },
-    colourBy(kind) {
-      source.colourBy(kind);
-      target.colourBy(kind);
-      redraw();
-    },
-    show(what, visible) {
-      const parts = { source: source.points, target: target.points, lines: lines?.lines, arrows };
-      if (parts[what]) parts[what].visible = visible;
-      redraw();
-    },
-    enlarge(factor) {
-      enlarge = Math.min(Math.max(enlarge * factor, 0.4), 6);
-      resize();
-    },
+    turn: changed(camera.turn),
+    zoom: changed(camera.zoom),
+    reset,
+    nextUp: changed(camera.nextUp),
+    colourBy: changed((kind) => { colourBy = kind; }),
+    show: changed((what, shown) => { visible[what] = shown; }),
+    enlarge: changed((factor) => { enlarge = Math.min(Math.max(enlarge * factor, 0.4), 6); }),
   };
 }
