@@ -12,8 +12,10 @@ use super::memory::bounded;
 
 /// Bytes beside ten times the file that a reader may hold: buffers, names and words.
 const BUFFERS: usize = 64 << 10;
+/// The same of rows of results, of which each takes some kilobytes, also where it is but a few words.
+const ROWS: usize = 256 << 10;
 /// The same of Parquet: a page is unpacked at once.
-const PAGES: usize = 1 << 20;
+const PAGES: usize = 4 << 20;
 /// Most letters of a message.
 const WORDS: usize = 1000;
 
@@ -171,7 +173,7 @@ pub fn parquet(data: &[u8]) {
 pub fn rows(data: &[u8]) {
     let json = data.trim_ascii_start().first() == Some(&b'{');
     let path = door::file(if json { "rows.jsonl" } else { "rows.csv" }, data);
-    let read = heard(bounded(data.len(), BUFFERS, || results::read(&path)), Some(&path));
+    let read = heard(bounded(data.len(), ROWS + 100 * data.len(), || results::read(&path)), Some(&path));
     if let Some(text) = std::str::from_utf8(data).ok().filter(|_| json) {
         let parsed = heard(results::parse(text), None);
         assert_eq!(parsed, read, "a text is read otherwise than a file");
