@@ -217,6 +217,9 @@ def evaluate(
     max_distance: float | None = None,
     truth: _Matrix | None = None,
 ) -> str: ...
+def is_usable(
+    transform: Sequence[Sequence[float]], trusted: bool, decision: str | None = None
+) -> bool: ...
 def rotation_vector(matrix: npt.NDArray[np.float64]) -> list[float]: ...
 def judge(
     source: _CloudLike, target: _CloudLike, transform: _Matrix, settings: str

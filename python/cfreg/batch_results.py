@@ -25,7 +25,7 @@ class BatchSummary:
 
     pairs : of the list
     resumed : that were there from an earlier run
-    trusted : whose pose is to be trusted
+    trusted : whose pose may be used (BatchResult.usable)
     errors : without an answer
     """
 
@@ -74,6 +74,16 @@ class BatchResult:
         return np.stack(entries, axis=1).reshape(-1, 4, 4)
 
     @property
+    def usable(self) -> npt.NDArray[np.bool_]:
+        """(N,) whether each pose may be used: trusted, accepted where there is a verdict, finite
+        and a proper rotation. `write_g2o` takes no others."""
+        usable = self._columns["trusted"] & ~self._failed
+        poses, decisions = self.transform, self._columns["decision"]
+        for row in np.flatnonzero(usable):
+            usable[row] = _native.is_usable(poses[row].tolist(), True, decisions[row])
+        return usable
+
+    @property
     def covariance(self) -> npt.NDArray[np.float64]:
         """(N, 6, 6) covariances (see PoseCovariance), about the columns `center_x` to `center_z`;
         NaN where there is none."""
@@ -91,7 +101,7 @@ class BatchResult:
         rotations: str = "quaternion",
         names: str | os.PathLike[str] | None = None,
     ) -> str:
-        """Write the accepted poses as a graph of poses, as `cfreg graph` does.
+        """Write the poses that may be used as a graph of poses, as `cfreg graph` does.
 
         rotations : by what the reader measures them, "quaternion" (g2o) or "vector" (GTSAM)
         names : file for the names of the clouds by their vertices, CSV
@@ -150,7 +160,7 @@ class BatchResult:
             yield dict(zip(self._columns, row))
 
     def __repr__(self) -> str:
-        trusted = int(self._columns["trusted"].sum())
+        trusted = int(self.usable.sum())
         return f"BatchResult({len(self)} pairs: {trusted} to be trusted, {int(self._failed.sum())} without answer)"
 
     @property

@@ -363,6 +363,13 @@ class Registration:
     def __reduce__(self) -> tuple[Any, ...]:
         return Registration, (self._facts,)
 
+    @property
+    def is_usable(self) -> bool:
+        """Whether the pose may be used: trusted, accepted where there is a verdict, finite and
+        a proper rotation. Graphs and the exit status of the command line go by the same."""
+        decision = None if self.verdict is None else self.verdict.decision
+        return _native.is_usable(self.transform.tolist(), self.trusted, decision)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Registration) and _timeless(self._facts) == _timeless(other._facts)
 

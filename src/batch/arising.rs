@@ -28,11 +28,14 @@ pub fn consecutive(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>> {
     Ok((0..count).flat_map(before).collect())
 }
 
+/// Most pairs that a list is made of. Chosen by hand: at a hundred a second they take a week.
+const MOST_PAIRS: usize = 60_000_000;
+
 /// All pairs of scans that stood at most `radius` from each other, in the unit of `places`.
 ///
 /// # Errors
-/// [`Error::Config`] when the radius is negative or not a number, [`Error::NonFinite`] for a
-/// place that is not finite.
+/// [`Error::Config`] when the radius is negative or not a number, or so large that it makes more
+/// than 60 million pairs, [`Error::NonFinite`] for a place that is not finite.
 ///
 /// ```
 /// let places = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]];
@@ -56,6 +59,10 @@ pub fn within(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
                 break;
             }
             if math::norm(math::sub(places[one], places[other])) <= radius {
+                if pairs.len() == MOST_PAIRS {
+                    let rule = format!("makes more than {MOST_PAIRS} pairs: take a smaller one");
+                    return Err(Error::config("radius", radius, rule));
+                }
                 pairs.push([one.max(other), one.min(other)]);
             }
         }

@@ -29,7 +29,7 @@ pub enum Tangent {
     RotationVector,
 }
 
-/// Clouds, and the accepted poses between them.
+/// Clouds, and the poses between them that may be used.
 ///
 /// Edges count as independent of each other: a pair that is listed both ways is two edges, and
 /// its information counts twice. Each [part](Self::parts) floats by itself: optimisers want one
@@ -46,9 +46,9 @@ pub enum Tangent {
 pub struct Graph {
     names: Vec<String>,
     edges: Vec<Edge>,
-    /// Rows whose pose is not accepted, or that have none.
+    /// Rows whose pose may not be used ([`Row::is_usable`]), or that have none.
     pub not_accepted: usize,
-    /// Rows whose pose is, but without a covariance (of methods without a verdict), with a scale,
+    /// Rows whose pose may be, but without a covariance (of methods without a verdict), with a scale,
     /// or of a cloud to itself.
     pub left_out: usize,
 }
@@ -65,11 +65,11 @@ struct Edge {
 }
 
 impl Graph {
-    /// Of the rows of a list: an edge for each whose verdict is `accept`. Clouds are numbered as
-    /// they come, those without an edge too.
+    /// Of the rows of a list: an edge for each whose pose may be used ([`Row::is_usable`]). Clouds
+    /// are numbered as they come, those without an edge too.
     ///
     /// # Errors
-    /// [`Error::Config`] with the pair for an accepted pose that is none.
+    /// [`Error::Config`] with the pair for numbers that are no pose.
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Result<Graph> {
         let mut graph = Graph::default();
         let mut numbers: HashMap<&str, usize> = HashMap::new();
@@ -83,20 +83,19 @@ impl Graph {
             // The target first: its frame is the one that others are told in.
             let target = number(&row.target);
             let source = number(&row.source);
-            if row.decision.as_deref() != Some("accept") {
+            let pose = row.transform();
+            if row.pose.is_some() && pose.is_none() {
+                let rule = "its pose is not a rotation and a shift: was the file changed?";
+                return Err(Error::config("rows", format!("pair {}", row.index), rule));
+            }
+            let Some(pose) = pose.filter(|_| row.is_usable()) else {
                 graph.not_accepted += 1;
                 continue;
-            }
-            let (Some(pose), Some(information), Some(center)) =
-                (row.pose, row.information, row.center)
-            else {
+            };
+            let (Some(information), Some(center)) = (row.information, row.center) else {
                 graph.left_out += 1;
                 continue;
             };
-            let matrix = std::array::from_fn(|i| std::array::from_fn(|j| pose[4 * i + j]));
-            let pose = Transform::from_matrix(matrix).map_err(|error| {
-                Error::config("rows", format!("pair {}", row.index), error.to_string())
-            })?;
             if pose.scale != 1.0 || source == target {
                 graph.left_out += 1;
                 continue;
@@ -341,6 +340,7 @@ mod tests {
         Row {
             source: source.into(),
             target: target.into(),
+            trusted: Some(decision == "accept"),
             decision: Some(decision.into()),
             probability: Some(probability),
             pose: Some(std::array::from_fn(|k| pose.matrix()[k / 4][k % 4])),
@@ -381,6 +381,12 @@ mod tests {
         sheared.index = 7;
         sheared.pose = Some(std::array::from_fn(|k| k as f64));
         let said = Graph::of(&[sheared]).unwrap_err().to_string();
-        assert!(said.starts_with("rows = pair 7: transform = "), "{said}");
+        assert!(said.starts_with("rows = pair 7: its pose is not a rotation"), "{said}");
+        // What is accepted and yet doubted, as where the clouds are flat.
+        let doubted = Row { trusted: Some(false), ..row("b", "a", "accept", one, 0.99) };
+        let failed = Row { error: Some("none".into()), ..row("b", "a", "accept", one, 0.99) };
+        let untold = Row { trusted: None, ..row("b", "a", "accept", one, 0.99) };
+        let graph = Graph::of(&[doubted, failed, untold]).unwrap();
+        assert_eq!((graph.edges(), graph.not_accepted), (0, 3));
     }
 }

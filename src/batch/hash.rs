@@ -14,9 +14,21 @@ impl Hash {
         self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
     }
 
+    /// That of these bytes.
+    pub(super) fn of(bytes: &[u8]) -> u64 {
+        let mut hash = Hash::default();
+        hash.bytes(bytes);
+        hash.value()
+    }
+
+    /// Adds bytes. Those of one length that differ in one byte have different numbers.
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&byte| self.byte(byte));
+    }
+
     /// Adds a text, and that it ends.
     pub(super) fn add(&mut self, text: &str) {
-        text.bytes().for_each(|byte| self.byte(byte));
+        self.bytes(text.as_bytes());
         // In no UTF-8.
         self.byte(0xff);
     }

@@ -1,18 +1,21 @@
 //! Rows as they come, in a file beside the output: what a run that was cut short goes on from.
 //!
 //! JSON Lines: first what the run was asked for, then a row a line, in the order in which pairs
-//! were done. A line counts once its end is there; whatever follows the last whole line was cut
-//! short, is cut off, and done again.
+//! were done, each with a checksum of the first line and of its own. A line counts once its end is
+//! there and the checksum is that of what stands before it; the pair of any other is done again.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::Row;
+use super::hash::Hash;
+use super::output::is_run;
+use super::{List, Row};
 use crate::error::{Error, Result};
+use crate::io::guard;
 
 /// Seconds after which the system is asked to have what was written on the disk.
 const SYNC: Duration = Duration::from_secs(5);
@@ -25,6 +28,10 @@ pub(super) struct Journal {
     places: Vec<u64>,
     end: u64,
     done: usize,
+    /// Lines that are not as they were written, or of other pairs.
+    damaged: usize,
+    /// Of the first line.
+    begun: u64,
     synced: Instant,
 }
 
@@ -34,73 +41,110 @@ impl Journal {
         super::output::beside(output, ".part")
     }
 
-    /// Opens the journal for `pairs` pairs under `header`, with `resume` the rows that are in it
-    /// already, else none.
+    /// Opens the journal for the pairs of `list` under `header`, with `resume` the rows that are in
+    /// it already, else none.
     ///
     /// # Errors
     /// [`Error::Config`] when it was begun by another `header`, when it is not a journal, or when
     /// another process writes it; [`Error::Io`].
-    pub(super) fn open(path: &Path, header: &Value, pairs: usize, resume: bool) -> Result<Self> {
+    pub(super) fn open(path: &Path, header: &Value, list: &List, resume: bool) -> Result<Self> {
         let failed = |error| Error::io(path, error);
-        let refuse = |rule: String| Err(Error::config("resume", path.display(), rule));
+        let refuse = |rule: &str| Err(Error::config("resume", path.display(), rule));
         if path.exists() && !path.is_file() {
-            return refuse("is not a regular file: name another output".into());
+            return refuse("is not a regular file: name another output");
         }
         let options = || OpenOptions::new().read(true).append(true).create(true).open(path);
         let file = options().map_err(failed)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(std::fs::TryLockError::WouldBlock) => {
-                return refuse("another process is at work on it".into());
+                return refuse("another process is at work on it");
             }
             // Some network file systems have no locks.
             Err(std::fs::TryLockError::Error(_)) => {}
         }
-        let places = vec![0; pairs];
-        let (path, synced) = (path.to_path_buf(), Instant::now());
-        let mut journal = Journal { path, file, places, end: 0, done: 0, synced };
-        if !resume {
-            journal.cut()?;
-        }
-        journal.read(header)?;
+        let first = format!("{header}\n");
+        let begun = Hash::of(first.as_bytes());
+        let (path, synced, places) = (path.to_path_buf(), Instant::now(), vec![0; list.len()]);
+        let mut journal = Journal { path, file, places, end: 0, done: 0, damaged: 0, begun, synced };
+        journal.read(header, &first, list, resume)?;
         Ok(journal)
     }
 
-    /// Takes over what is there, and cuts off what is not whole.
-    fn read(&mut self, header: &Value) -> Result<()> {
+    /// Takes over what is there, if it is to, and cuts off what is not whole.
+    fn read(&mut self, header: &Value, first: &str, list: &List, resume: bool) -> Result<()> {
         let path = self.path.clone();
         let failed = |error| Error::io(&path, error);
-        let first = format!("{header}\n");
+        let refuse = |rule: String| Err(Error::config("resume", path.display(), rule));
         let mut reader = BufReader::new(self.file.try_clone().map_err(failed)?);
         reader.seek(SeekFrom::Start(0)).map_err(failed)?;
         let mut line = Vec::new();
-        reader.read_until(b'\n', &mut line).map_err(failed)?;
-        if !line.ends_with(b"\n") {
-            if !first.as_bytes().starts_with(&line) && !line.starts_with(b"{\"cfreg\":") {
-                let rule = "is no journal of this program: name another output or remove it";
-                return Err(Error::config("resume", path.display(), rule));
-            }
+        let long = |error: &io::Error| error.kind() == io::ErrorKind::FileTooLarge;
+        match guard::line(&mut reader, &mut line) {
+            // Whatever it is, it is told below.
+            Err(error) if long(&error) => line.clear(),
+            read => _ = read.map_err(failed)?,
+        }
+        let ended = line.ends_with(b"\n");
+        let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
+        let short = !ended && self.file.metadata().map_err(failed)?.len() == line.len() as u64;
+        let cut = short
+            && (first.as_bytes().starts_with(&line) || line.starts_with(b"{\"cfreg\":"));
+        if !cut && !(ended && is_run(&begun)) {
+            return refuse(FOREIGN.into());
+        }
+        if cut || !resume {
             self.cut()?;
             return self.append(first.as_bytes());
         }
-        let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
-        if let Some(rule) = difference(&begun, &serde_json::from_str(&first).unwrap_or_default()) {
-            return Err(Error::config("resume", path.display(), rule));
+        if let Some(rule) = difference(&begun, header) {
+            return refuse(rule);
         }
         self.end = line.len() as u64;
+        // Written otherwise, though it says the same.
+        self.begun = Hash::of(&line);
         loop {
-            line.clear();
-            reader.read_until(b'\n', &mut line).map_err(failed)?;
-            let whole = line.ends_with(b"\n");
-            let Some(row) = serde_json::from_slice::<Row>(&line).ok().filter(|_| whole) else {
-                return self.cut();
-            };
-            if row.index >= self.places.len() {
+            match guard::line(&mut reader, &mut line) {
+                Err(error) if long(&error) => {
+                    self.damaged += 1;
+                    return self.cut();
+                }
+                read => _ = read.map_err(failed)?,
+            }
+            if !line.ends_with(b"\n") {
                 return self.cut();
             }
-            self.count(row.index);
+            let same = |row: &Row| {
+                row.index < list.len()
+                    && list.pair(row.index) == [row.source.as_str(), row.target.as_str()]
+            };
+            match self.row(&line).filter(same) {
+                Some(row) => self.count(row.index),
+                None => self.damaged += 1,
+            }
             self.end += line.len() as u64;
         }
+    }
+
+    /// The row in a line, if it is as it was written.
+    fn row(&self, line: &[u8]) -> Option<Row> {
+        let row = line.strip_suffix(b"\"}\n")?;
+        let (row, sum) = row.split_at_checked(row.len().checked_sub(SUM_DIGITS)?)?;
+        let row = row.strip_suffix(SUM.as_bytes())?;
+        if self.sum(row).as_bytes() != sum {
+            return None;
+        }
+        let mut whole = row.to_vec();
+        whole.push(b'}');
+        serde_json::from_slice(&whole).ok()
+    }
+
+    /// The checksum of a row.
+    fn sum(&self, row: &[u8]) -> String {
+        let mut hash = Hash::default();
+        hash.bytes(&self.begun.to_le_bytes());
+        hash.bytes(row);
+        format!("{:016x}", hash.value())
     }
 
     /// Leaves what is before the end, and nothing else.
@@ -125,7 +169,10 @@ impl Journal {
     pub(super) fn add(&mut self, row: &Row) -> Result<()> {
         let fail = |error: io::Error| Error::io(&self.path, error);
         let mut line = serde_json::to_vec(row).map_err(|error| fail(error.into()))?;
-        line.push(b'\n');
+        // Without the brace at the end, which comes behind the checksum.
+        line.pop();
+        let sum = self.sum(&line);
+        line.extend_from_slice(format!("{SUM}{sum}\"}}\n").as_bytes());
         let before = self.end;
         self.append(&line)?;
         self.end = before;
@@ -148,6 +195,11 @@ impl Journal {
         self.done
     }
 
+    /// Number of lines whose pairs are done again, as they were changed.
+    pub(super) fn damaged(&self) -> usize {
+        self.damaged
+    }
+
     /// The pairs that have no row yet, in order.
     pub(super) fn missing(&self) -> Vec<usize> {
         (0..self.places.len()).filter(|&index| self.places[index] == 0).collect()
@@ -164,14 +216,13 @@ impl Journal {
         Ok(self.places.iter().enumerate().map(move |(index, &place)| {
             // What is in the buffer is used where it can be.
             reader.seek_relative(place as i64 - at as i64).map_err(failed)?;
-            line.clear();
-            at = place + reader.read_until(b'\n', &mut line).map_err(failed)? as u64;
-            let row = serde_json::from_slice::<Row>(&line).ok();
-            row.filter(|row| row.index == index).ok_or_else(|| Error::Parse {
+            guard::line(&mut reader, &mut line).map_err(failed)?;
+            at = place + line.len() as u64;
+            self.row(&line).filter(|row| row.index == index).ok_or_else(|| Error::Parse {
                 path: self.path.clone(),
                 line: None,
                 byte: Some(place),
-                what: format!("no row of pair {index}: was the file changed?"),
+                what: format!("no row of pair {index}: the file was changed meanwhile"),
             })
         }))
     }
@@ -182,10 +233,17 @@ impl Journal {
     }
 }
 
+/// What stands between a row and its checksum, and the length of that.
+const SUM: &str = ",\"checksum\":\"";
+const SUM_DIGITS: usize = 16;
+
+const FOREIGN: &str =
+    "is there and no journal of this program: move or remove it, or name another output";
+
 /// What a journal was begun with otherwise than `now`, if anything.
 pub(super) fn difference(begun: &Value, now: &Value) -> Option<String> {
     if begun.get("cfreg").is_none() {
-        return Some("is no journal of this program: name another output or remove it".into());
+        return Some(FOREIGN.into());
     }
     let (name, before, value) = setting(begun, now, "")?;
     Some(format!(
@@ -220,25 +278,33 @@ mod tests {
         Row { error: Some("none".into()), ..Row::new(index, ["a", "b"]) }
     }
 
+    fn header() -> Value {
+        json!({"cfreg": "1", "list": "x", "pairs": 4, "method": 0})
+    }
+
+    fn list() -> List {
+        List::new("", [["a", "b"]; 4])
+    }
+
     #[test]
     fn whatever_is_cut_off_only_whole_rows_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.csv.part");
-        let header = json!({"cfreg": "1", "list": "x"});
+        let header = header();
         let order = [2, 0, 3, 1];
-        let mut journal = Journal::open(&path, &header, 4, false).unwrap();
+        let mut journal = Journal::open(&path, &header, &list(), false).unwrap();
         order.iter().for_each(|&index| journal.add(&row(index)).unwrap());
         let rows = |journal: &Journal| -> Vec<Row> {
             journal.rows().unwrap().collect::<Result<_>>().unwrap()
         };
         assert_eq!(rows(&journal), [0, 1, 2, 3].map(row));
         // Not while another is at it.
-        assert!(Journal::open(&path, &header, 4, true).is_err());
+        assert!(Journal::open(&path, &header, &list(), true).is_err());
         drop(journal);
         let whole = std::fs::read(&path).unwrap();
         for length in 0..=whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let mut journal = Journal::open(&path, &header, 4, true).unwrap();
+            let mut journal = Journal::open(&path, &header, &list(), true).unwrap();
             let ends = whole[..length].iter().filter(|&&byte| byte == b'\n').count();
             assert_eq!(journal.done(), ends.saturating_sub(1), "{length}");
             for index in journal.missing() {
@@ -252,21 +318,75 @@ mod tests {
     fn what_differs_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.csv.part");
-        let header = json!({"cfreg": "1", "list": "x"});
-        drop(Journal::open(&path, &header, 4, false).unwrap());
+        let header = header();
+        drop(Journal::open(&path, &header, &list(), false).unwrap());
         let said = |header: &Value| {
-            let opened = Journal::open(&path, header, 4, true);
+            let opened = Journal::open(&path, header, &list(), true);
             opened.err().unwrap().to_string()
         };
-        let other = said(&json!({"cfreg": "1", "list": {"a": 1, "b": 2}, "more": 3}));
+        let other = json!({"cfreg": "1", "list": {"a": 1}, "pairs": 4, "method": 0, "more": 3});
+        let other = said(&other);
         assert!(other.contains("begun with list \"x\""), "{other}");
         let [one, two] = [json!({"a": {"b": 1, "c": 2}}), json!({"a": {"b": 1, "d": 3}})];
         assert_eq!(setting(&one, &two, ""), Some(("a.d".into(), &Value::Null, &json!(3))));
         assert_eq!(setting(&one, &one, ""), None);
-        for foreign in ["mine\n", "mine", "{}\n"] {
+        let long = "x".repeat(guard::RECORD + 1);
+        for foreign in ["mine\n", "mine", "{}\n", "{\"cfreg\": 1}\n", "mine\n\n", &long] {
             std::fs::write(&path, foreign).unwrap();
-            assert!(said(&header).contains("no journal"), "{foreign}");
-            assert_eq!(std::fs::read_to_string(&path).unwrap(), foreign);
+            for resume in [true, false] {
+                let said = Journal::open(&path, &header, &list(), resume).err().unwrap();
+                assert!(said.to_string().contains("no journal"), "{foreign:.20}");
+                assert!(std::fs::read_to_string(&path).unwrap() == foreign);
+            }
         }
+    }
+
+    #[test]
+    fn what_was_changed_is_done_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.csv.part");
+        let (header, list) = (header(), list());
+        let mut journal = Journal::open(&path, &header, &list, false).unwrap();
+        (0..4).for_each(|index| journal.add(&row(index)).unwrap());
+        drop(journal);
+        let whole = std::fs::read_to_string(&path).unwrap();
+        let reopened = |text: &str, header: &Value, list: &List| {
+            std::fs::write(&path, text).unwrap();
+            let journal = Journal::open(&path, header, list, true).unwrap();
+            (journal.done(), journal.damaged(), journal.missing())
+        };
+        assert_eq!(reopened(&whole, &header, &list), (4, 0, vec![]));
+        // A digit, a name, a blank, a checksum; what follows is taken over.
+        for (was, is) in [
+            ("\"trusted\":null", "\"trusted\":true"),
+            ("\"source\":\"a\"", "\"source\":\"b\""),
+            ("{\"index\":0", "{ \"index\":0"),
+            ("\"index\":0", "\"index\":1"),
+            ("checksum\":\"", "checksum\":\"0"),
+            ("\"error\":\"none\"", "\"error\":\"nonf\""),
+            ("}\n{\"index\":1", "}\n\n{\"index\":1"),
+        ] {
+            let at = whole.find(was).unwrap_or_else(|| whole.find("{\"index\":0").unwrap());
+            let text = whole[..at].to_string() + &whole[at..].replacen(was, is, 1);
+            assert!(text != whole, "{was}");
+            let (done, damaged, missing) = reopened(&text, &header, &list);
+            assert!(damaged == 1 && done + missing.len() == 4 && done >= 3, "{was} {done}");
+        }
+        // Every single byte, whatever is put in its place.
+        let first = whole.find('\n').unwrap() + 1;
+        let second = first + whole[first..].find('\n').unwrap() + 1;
+        for at in first..second - 1 {
+            let mut bytes = whole.clone().into_bytes();
+            bytes[at] ^= 1 + (at % 7) as u8;
+            std::fs::write(&path, &bytes).unwrap();
+            let journal = Journal::open(&path, &header, &list, true).unwrap();
+            assert!(journal.damaged() > 0 && journal.missing() == [0], "{at}");
+        }
+        // Rows of another list, and of another run.
+        let other = List::new("", [["a", "b"], ["a", "b"], ["b", "a"], ["a", "b"]]);
+        assert_eq!(reopened(&whole, &header, &other), (3, 1, vec![2]));
+        let text = whole.replacen("\"method\":0", "\"method\":1", 1);
+        let header = serde_json::from_str(text.lines().next().unwrap()).unwrap();
+        assert_eq!(reopened(&text, &header, &list), (0, 4, vec![0, 1, 2, 3]));
     }
 }

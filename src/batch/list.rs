@@ -1,7 +1,6 @@
 //! Lists of pairs.
 
 use std::collections::HashMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::hash::Hash;
@@ -9,11 +8,20 @@ use crate::error::{Error, Result};
 use crate::io;
 
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct List {
+    /// What it was read from.
+    file: Option<PathBuf>,
     folder: PathBuf,
     names: Vec<String>,
     pairs: Vec<[u32; 2]>,
+}
+
+/// Lists are the same that have the same pairs of the same folder, wherever they are from.
+impl PartialEq for List {
+    fn eq(&self, other: &List) -> bool {
+        self.folder == other.folder && self.names == other.names && self.pairs == other.pairs
+    }
 }
 
 impl List {
@@ -23,7 +31,7 @@ impl List {
         pairs: impl IntoIterator<Item = [S; 2]>,
     ) -> List {
         let mut builder = Builder::default();
-        pairs.into_iter().for_each(|pair| builder.add([pair[0].as_ref(), pair[1].as_ref()]));
+        pairs.into_iter().for_each(|pair| _ = builder.add([pair[0].as_ref(), pair[1].as_ref()]));
         List { folder: folder.into(), ..builder.list }
     }
 
@@ -34,10 +42,6 @@ impl List {
     /// [`Error::Io`]; [`Error::Parse`] without these columns, without a pair, and for a row in
     /// which one of the two is missing.
     pub fn read(path: &Path, folder: &Path) -> Result<List> {
-        let kind = fs::metadata(path).map_err(|error| Error::io(path, error))?;
-        if kind.is_dir() {
-            return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
-        }
         let mut builder = Builder::default();
         if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("parquet")) {
             parquet(path, &mut builder)?;
@@ -51,7 +55,7 @@ impl List {
                 "no pair: it needs rows below the names of the columns",
             ));
         }
-        Ok(List { folder: folder.into(), ..builder.list })
+        Ok(List { file: Some(path.into()), folder: folder.into(), ..builder.list })
     }
 
     /// Writes the list as CSV; a file that was there is replaced.
@@ -93,6 +97,16 @@ impl List {
         &self.folder
     }
 
+    /// The file that it was read from, if it was.
+    pub(super) fn file(&self) -> Option<&Path> {
+        self.file.as_deref()
+    }
+
+    /// The files of all clouds, each once.
+    pub(super) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        self.names.iter().map(|name| self.folder.join(name))
+    }
+
     /// A number that differs between lists of different pairs.
     pub(super) fn hash(&self) -> u64 {
         let mut hash = Hash::default();
@@ -109,16 +123,21 @@ struct Builder {
 }
 
 impl Builder {
-    fn add(&mut self, pair: [&str; 2]) {
+    /// Adds a pair, and gives the bytes of memory that it takes.
+    fn add(&mut self, pair: [&str; 2]) -> usize {
+        // Twice, as lists grow by doubling.
+        let mut bytes = 2 * size_of::<[u32; 2]>();
         let pair = pair.map(|name| {
             self.known.get(name).copied().unwrap_or_else(|| {
                 let number = self.list.names.len() as u32;
                 self.list.names.push(name.into());
                 self.known.insert(name.into(), number);
+                bytes += 2 * (name.len() + 2 * size_of::<String>());
                 number
             })
         });
         self.list.pairs.push(pair);
+        bytes
     }
 }
 
@@ -138,40 +157,30 @@ pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
 const COLUMNS: [&str; 2] = ["source", "target"];
 
 fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
-    let failed = |error| csv_error(path, error);
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
-    let header = reader.headers().map_err(failed)?;
-    let at = |name: &str| {
-        let missing = || Error::parse(path, Some(1), format!("no column {name} in the header"));
-        header.iter().position(|column| column.trim() == name).ok_or_else(missing)
-    };
-    let [source, target] = [at(COLUMNS[0])?, at(COLUMNS[1])?];
-    let mut record = csv::StringRecord::new();
-    while reader.read_record(&mut record).map_err(failed)? {
-        let pair = [source, target].map(|at| record.get(at).unwrap_or("").trim());
+    let mut sheet = io::Sheet::open(path)?;
+    let [source, target] = [sheet.column(COLUMNS[0])?, sheet.column(COLUMNS[1])?];
+    while sheet.next()? {
+        let pair = [source, target].map(|at| sheet.cell(at));
         if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
-            let line = record.position().map(|at| at.line() as usize);
-            return Err(Error::parse(path, line, format!("{} is empty", COLUMNS[empty])));
+            return Err(sheet.wrong(format!("{} is empty", COLUMNS[empty])));
         }
-        builder.add(pair);
+        let bytes = builder.add(pair);
+        sheet.take(bytes)?;
     }
     Ok(())
 }
 
 #[cfg(feature = "parquet")]
 fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
+    let mut budget = io::guard::Guarded::open(path)?.budget();
     super::parquet::pairs(path, COLUMNS, |number, pair| {
-        let pair = pair.each_ref().map(|name| name.as_deref().unwrap_or("").trim());
-        match pair.iter().position(|name| name.is_empty()) {
-            Some(empty) => {
-                Err(Error::parse(path, None, format!("row {number}: {} is empty", COLUMNS[empty])))
-            }
-            None => {
-                builder.add(pair);
-                Ok(())
-            }
+        let pair = pair.map(str::trim);
+        if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
+            let what = format!("row {number}: {} is empty", COLUMNS[empty]);
+            return Err(Error::parse(path, None, what));
         }
+        let bytes = builder.add(pair);
+        budget.take(bytes).map_err(|what| Error::parse(path, None, what))
     })
 }
 
@@ -182,6 +191,8 @@ fn parquet(path: &Path, _: &mut Builder) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn read(text: &str) -> Result<List> {

@@ -126,7 +126,10 @@ pub struct Summary {
     pub pairs: usize,
     /// Those that this run took over from an earlier one; all, if there was nothing left to do.
     pub resumed: usize,
-    /// Pairs whose pose is to be trusted.
+    /// Lines of the journal that were changed since they were written, or are of other pairs than
+    /// the list has; their pairs were done again.
+    pub damaged: usize,
+    /// Pairs whose pose may be used ([`Row::is_usable`]).
     pub trusted: usize,
     /// Pairs without an answer.
     pub errors: usize,
@@ -134,7 +137,7 @@ pub struct Summary {
 
 impl Summary {
     fn count(&mut self, row: &Row) {
-        self.trusted += usize::from(row.trusted == Some(true));
+        self.trusted += usize::from(row.is_usable());
         self.errors += usize::from(row.error.is_some());
     }
 }
@@ -170,7 +173,9 @@ impl<'a> Batch<'a> {
     ///
     /// # Errors
     /// [`Error::Config`] for an output of another kind, for what an earlier run has left
-    /// ([`Start`]) and for a journal of another list or other settings; [`Error::Io`] of journal
+    /// ([`Start`]), for a journal of another list or other settings, for an output that is the list
+    /// or one of its clouds, and for files beside it (`RESULTS.part`, `RESULTS.run.json`) that no run
+    /// has left; [`Error::Io`] of journal
     /// and output; [`Error::Interrupted`]. A pair that cannot be read or registered is a row.
     pub fn run_with(
         &self,
@@ -180,12 +185,13 @@ impl<'a> Batch<'a> {
     ) -> Result<Summary> {
         let format = Format::of(output)?;
         self.check()?;
+        output::check(output, format, list)?;
         let (path, header) = (Journal::beside(output), self.header(list));
         if self.complete(output, &path)? {
             return complete::summary(output, format, list, &header);
         }
         let resume = self.start == Start::Resume;
-        let mut journal = Journal::open(&path, &header, list.len(), resume)?;
+        let mut journal = Journal::open(&path, &header, list, resume)?;
         let resumed = journal.done();
         progress(resumed, list.len());
         self.register(list, journal.missing(), |row| {
@@ -194,7 +200,8 @@ impl<'a> Batch<'a> {
             Ok(())
         })?;
         journal.sync(Duration::ZERO)?;
-        let mut summary = Summary { pairs: list.len(), resumed, ..Summary::default() };
+        let damaged = journal.damaged();
+        let mut summary = Summary { pairs: list.len(), resumed, damaged, ..Summary::default() };
         let counted = journal.rows()?.inspect(|row| row.iter().for_each(|row| summary.count(row)));
         format.write(output, counted, self.times, &header)?;
         journal.remove()?;

@@ -6,9 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::Row;
 use super::cells::Flat;
+use super::journal::Journal;
+use super::{List, Row};
 use crate::error::{Error, Result};
+use crate::io::guard;
+use crate::io::outputs::{self, Identity};
 
 /// Kinds of files that results are written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,10 +50,9 @@ impl Format {
             Format::Parquet => Ok(None),
             Format::Csv | Format::JsonLines => {
                 let path = beside(path, RUN);
-                match fs::read(&path) {
-                    Ok(text) => Ok(serde_json::from_slice(&text).ok()),
-                    Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-                    Err(error) => Err(Error::io(&path, error)),
+                match path.exists() {
+                    true => Ok(serde_json::from_slice(&guard::bytes(&path, guard::DOCUMENT)?).ok()),
+                    false => Ok(None),
                 }
             }
         }
@@ -82,6 +84,45 @@ impl Format {
     }
 }
 
+/// Refuses an output that would take the place of something else: a file that is not of an
+/// earlier run where this one writes beside the output, the list, or one of its clouds.
+pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
+    let refuse = |path: &Path, rule: &str| Err(Error::config("output", path.display(), rule));
+    let mut written = vec![output.to_path_buf(), Journal::beside(output)];
+    if format != Format::Parquet {
+        let run = beside(output, RUN);
+        if run.exists() && !format.asked_for(output)?.is_some_and(|run| is_run(&run)) {
+            return refuse(
+                &run,
+                "is there and was not written by this program: move it, or name another output",
+            );
+        }
+        written.push(run);
+    }
+    // What is not there is nobody's input.
+    written.retain(|path| path.is_file());
+    let taken: Vec<(Option<Identity>, PathBuf)> =
+        written.into_iter().map(|path| (Identity::of(&path), path)).collect();
+    if taken.is_empty() {
+        return Ok(());
+    }
+    for input in list.file().map(Path::to_path_buf).into_iter().chain(list.files()) {
+        let input = Identity::of(&input);
+        if let Some((_, path)) = taken.iter().find(|(file, _)| file.is_some() && *file == input) {
+            return refuse(
+                path,
+                "is the list, or one of its clouds, and would be overwritten: name another output",
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Whether this is what a run was asked for.
+pub(super) fn is_run(value: &Value) -> bool {
+    ["cfreg", "list", "pairs", "method"].iter().all(|name| value.get(name).is_some())
+}
+
 /// What is added to the name of an output that cannot hold what it was asked for: that is in
 /// there.
 pub(super) const RUN: &str = ".run.json";
@@ -93,23 +134,19 @@ pub(super) fn beside(path: &Path, end: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Has `path` written by `write`, under another name until it is on the disk.
+/// Has `path` written by `write`, under a name that nobody has until it is on the disk.
 fn whole(
     path: &Path,
     write: impl FnOnce(&File, &dyn Fn(io::Error) -> Error) -> Result<()>,
 ) -> Result<()> {
-    let beside = beside(path, ".tmp");
-    let failed = |error| Error::io(&beside, error);
-    let written = File::create(&beside).map_err(failed).and_then(|file| {
-        write(&file, &failed)?;
-        file.sync_all().map_err(failed)?;
-        fs::rename(&beside, path).map_err(|error| Error::io(path, error))
-    });
-    written.inspect_err(|_| {
-        // The first error is the one to tell.
-        let _ = fs::remove_file(&beside);
-    })?;
-    sync_folder(path);
+    let failed = |error| Error::io(path, error);
+    // Through a link, so that the link stays one.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let beside = outputs::beside(&target).map_err(failed)?;
+    write(beside.as_file(), &failed)?;
+    beside.as_file().sync_all().map_err(failed)?;
+    beside.persist(&target).map_err(|error| failed(error.error))?;
+    sync_folder(&target);
     Ok(())
 }
 

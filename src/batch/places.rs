@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::list::csv_error;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::io::Sheet;
 use crate::math::Vec3;
 
 /// Names of clouds, and where each of them stood.
@@ -24,34 +24,30 @@ impl Places {
     /// [`Error::Io`]; [`Error::Parse`] without these columns, without a cloud in a line, and for
     /// what is no finite number.
     pub fn read(path: &Path) -> Result<Places> {
-        let failed = |error| csv_error(path, error);
-        let wrong = |line, what: String| Error::parse(path, line, what);
-        let mut reader =
-            csv::ReaderBuilder::new().comment(Some(b'#')).from_path(path).map_err(failed)?;
-        let header = reader.headers().map_err(failed)?;
+        let mut sheet = Sheet::open(path)?;
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
-            let at = header.iter().position(|title| title.trim() == name);
-            *column =
-                at.ok_or_else(|| wrong(Some(1), format!("no column {name} in the header")))?;
+            *column = sheet.column(name)?;
         }
         let mut found = Places::default();
-        let mut record = csv::StringRecord::new();
-        while reader.read_record(&mut record).map_err(failed)? {
-            let line = record.position().map(|at| at.line() as usize);
-            let word = |k: usize| record.get(columns[k]).unwrap_or("").trim();
-            if word(0).is_empty() {
-                return Err(wrong(line, "cloud is empty".into()));
+        while sheet.next()? {
+            let name = sheet.cell(columns[0]);
+            if name.is_empty() {
+                return Err(sheet.wrong("cloud is empty"));
             }
             let mut place = [0.0; 3];
             for (axis, value) in place.iter_mut().enumerate() {
-                let word = word(axis + 1);
+                let word = sheet.cell(columns[axis + 1]);
                 let number = word.parse().ok().filter(|x: &f64| x.is_finite());
                 let what = || format!("{} is \"{word}\", not a finite number", COLUMNS[axis + 1]);
-                *value = number.ok_or_else(|| wrong(line, what()))?;
+                *value = number.ok_or_else(|| sheet.wrong(what()))?;
             }
-            found.names.push(word(0).into());
+            let name = name.to_string();
+            // Twice, as lists grow by doubling.
+            let bytes = 2 * (name.len() + size_of::<String>() + size_of::<Vec3>());
+            found.names.push(name);
             found.places.push(place);
+            sheet.take(bytes)?;
         }
         Ok(found)
     }

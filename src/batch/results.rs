@@ -1,25 +1,37 @@
 //! Results that were written, read again.
 
-use std::fs::{self, File};
-use std::io::{BufRead, BufReader};
+use std::collections::{HashMap, HashSet};
+use std::fmt;
+use std::fs;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-use serde_json::{Map, Value};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde_json::Value;
 
 use super::Row;
 use super::output::Format;
 use crate::error::{Error, Result};
+use crate::io::Sheet;
+use crate::io::guard::{self, Guarded};
 
 /// Reads the rows of a `.csv`, `.jsonl` or `.parquet`, or of a folder with `.parquet` in it, as
 /// clusters write them: then in the order of their index.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for what are no such rows, with the line or row and the column,
+/// for a file whose rows take more memory than ten times its size and 256 MiB,
 /// and for a folder in which a pair has two rows; [`Error::Config`] for another extension.
 pub fn read(path: &Path) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     if !path.is_dir() {
+        Format::of(path)?;
+        let mut budget = Guarded::open(path)?.budget();
         each(path, |row| {
+            // Twice, as lists grow by doubling.
+            let bytes = 2 * size_of::<Row>() + row.texts();
+            budget.take(bytes).map_err(|what| Error::parse(path, None, what))?;
             rows.push(row);
             Ok(())
         })?;
@@ -52,7 +64,7 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
 pub fn parse(json_lines: &str) -> Result<Vec<Row>> {
     let path = Path::new("rows");
     let row =
-        |(line, number)| json_row(line).map_err(|what| Error::parse(path, Some(number), what));
+        |(line, number): (&str, usize)| json_row(line.as_bytes()).map_err(|what| Error::parse(path, Some(number), what));
     json_lines.lines().zip(1..).map(row).collect()
 }
 
@@ -66,7 +78,7 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Resu
         Format::JsonLines => json_lines(path, take),
         #[cfg(feature = "parquet")]
         Format::Parquet => super::parquet::rows(path, |number, cells| {
-            let row = Row::read(|name| cells.get(name).cloned());
+            let row = Row::read(cells);
             take(row.map_err(|what| Error::parse(path, None, format!("row {number}: {what}")))?)
         }),
         #[cfg(not(feature = "parquet"))]
@@ -75,30 +87,100 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Resu
 }
 
 fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
-    let failed = |error| super::list::csv_error(path, error);
-    let mut reader = csv::Reader::from_path(path).map_err(failed)?;
-    let header = reader.headers().map_err(failed)?.clone();
-    let places = header.iter().zip(0..).collect::<std::collections::HashMap<&str, usize>>();
-    let mut record = csv::StringRecord::new();
-    while reader.read_record(&mut record).map_err(failed)? {
-        let get = |name: &str| record.get(*places.get(name)?).map(Value::from);
-        let line = record.position().map(|at| at.line() as usize);
-        take(Row::read(get).map_err(|what| Error::parse(path, line, what))?)?;
+    let mut sheet = Sheet::open(path)?;
+    while sheet.next()? {
+        let row = Row::read(|name| sheet.find(name).map(Value::from));
+        take(row.map_err(|what| sheet.wrong(what))?)?;
     }
     Ok(())
 }
 
 fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
-    let file = File::open(path).map_err(|error| Error::io(path, error))?;
-    for (line, number) in BufReader::new(file).lines().zip(1..) {
-        let line = line.map_err(|error| Error::io(path, error))?;
+    let mut reader = BufReader::new(Guarded::open(path)?);
+    let mut line = Vec::new();
+    for number in 1.. {
+        if !guard::line(&mut reader, &mut line).map_err(|error| Error::io(path, error))? {
+            break;
+        }
         take(json_row(&line).map_err(|what| Error::parse(path, Some(number), what))?)?;
     }
     Ok(())
 }
 
-fn json_row(line: &str) -> std::result::Result<Row, String> {
-    let cells: Map<String, Value> =
-        serde_json::from_str(line).map_err(|error| error.to_string())?;
+fn json_row(line: &[u8]) -> std::result::Result<Row, String> {
+    let Cells(cells) = serde_json::from_slice(line).map_err(|error| error.to_string())?;
     Row::read(|name| cells.get(name).cloned())
+}
+
+/// The cells of a row that are columns; others are passed over.
+struct Cells(HashMap<String, Value>);
+
+/// Names of the columns.
+static COLUMNS: LazyLock<HashSet<String>> =
+    LazyLock::new(|| Row::default().cells(true).into_iter().map(|(name, _)| name).collect());
+
+impl<'de> Deserialize<'de> for Cells {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Cells, D::Error> {
+        struct Columns;
+        impl<'de> Visitor<'de> for Columns {
+            type Value = Cells;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a row, as {\"index\": 0, ...}")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Cells, A::Error> {
+                let mut cells = HashMap::new();
+                while let Some(name) = map.next_key::<String>()? {
+                    match COLUMNS.contains(&name) {
+                        true => _ = cells.insert(name, map.next_value::<Scalar>()?.0),
+                        false => _ = map.next_value::<IgnoredAny>()?,
+                    }
+                }
+                Ok(Cells(cells))
+            }
+        }
+        deserializer.deserialize_map(Columns)
+    }
+}
+
+/// What a cell may be: neither a list nor an object.
+struct Scalar(Value);
+
+impl<'de> Deserialize<'de> for Scalar {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Scalar, D::Error> {
+        struct Single;
+        impl Visitor<'_> for Single {
+            type Value = Scalar;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a text, a number, true, false or null")
+            }
+
+            fn visit_bool<E>(self, flag: bool) -> Result<Scalar, E> {
+                Ok(Scalar(flag.into()))
+            }
+
+            fn visit_i64<E>(self, number: i64) -> Result<Scalar, E> {
+                Ok(Scalar(number.into()))
+            }
+
+            fn visit_u64<E>(self, number: u64) -> Result<Scalar, E> {
+                Ok(Scalar(number.into()))
+            }
+
+            fn visit_f64<E>(self, number: f64) -> Result<Scalar, E> {
+                Ok(Scalar(number.into()))
+            }
+
+            fn visit_str<E>(self, text: &str) -> Result<Scalar, E> {
+                Ok(Scalar(text.into()))
+            }
+
+            fn visit_unit<E>(self) -> Result<Scalar, E> {
+                Ok(Scalar(Value::Null))
+            }
+        }
+        deserializer.deserialize_any(Single)
+    }
 }

@@ -7,6 +7,7 @@ use super::cells::Cell;
 use crate::cloud::Transform;
 use crate::math::cholesky::Mat6;
 use crate::method::Registration;
+use crate::quality::{self, Decision};
 
 /// One pair: its pose, and how far to trust it. What a method does not tell is `None`, an empty
 /// cell in CSV and null in JSON Lines and Parquet; a pair without an answer has `index`,
@@ -107,6 +108,32 @@ impl Row {
         self.source_points = Some(points.source.used);
         self.target_points = Some(points.target.used);
         self.iterations = Some(found.iterations as usize);
+    }
+
+    /// The pose; `None` where there is none, or where those numbers are none.
+    pub fn transform(&self) -> Option<Transform> {
+        let pose = self.pose?;
+        let rows = std::array::from_fn(|i| std::array::from_fn(|j| pose[4 * i + j]));
+        Transform::from_matrix(rows).ok()
+    }
+
+    /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
+    /// one, and it is finite and proper ([`is_usable`](crate::quality::is_usable)).
+    pub fn is_usable(&self) -> bool {
+        let decision = self.decision.as_deref().map(str::parse::<Decision>).transpose();
+        match (self.transform(), decision) {
+            (Some(pose), Ok(decision)) if self.error.is_none() => {
+                quality::is_usable(&pose, self.trusted == Some(true), decision)
+            }
+            _ => false,
+        }
+    }
+
+    /// Bytes of its texts.
+    pub(super) fn texts(&self) -> usize {
+        let Row { source, target, error, doubts, decision, reasons, .. } = self;
+        let words = [error, doubts, decision, reasons].into_iter().flatten();
+        [source, target].into_iter().chain(words).map(String::len).sum()
     }
 
     /// Its cells with the names of their columns, in order: the same for every row.

@@ -14,8 +14,8 @@ use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::par::Interrupt;
 
-/// Ends with exit status 0 once every pair has its row, those without an answer too; 130 when
-/// Ctrl-C has ended it, 2 when it could not begin or write.
+/// Ends with exit status 0 once every pair has its row, those without an answer too; 1 where none of
+/// their poses may be used, 130 when Ctrl-C has ended it, 2 when it could not begin or write.
 #[derive(Args)]
 pub(super) struct Batch {
     /// Pairs: CSV or Parquet with the columns source and target, files of clouds; others are not
@@ -54,7 +54,9 @@ pub(super) struct Batch {
 
 impl Batch {
     pub(super) fn run(&self) -> Result<Outcome> {
-        outputs::check(&[&self.pairs], &[("output", Some(&self.output))])?;
+        let mut inputs = vec![self.pairs.as_path()];
+        inputs.extend(self.method.inputs());
+        outputs::check(&inputs, &[("output", Some(&self.output))])?;
         let (method, thinning) = self.method.in_bulk().with_length(&self.thinning)?;
         let own = self.pairs.parent().unwrap_or(Path::new(""));
         let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
@@ -92,9 +94,16 @@ impl Batch {
                 if done.resumed == done.pairs {
                     say(&format!("cfreg: {output} is complete: nothing to resume\n"));
                 }
+                if done.damaged > 0 {
+                    say(&format!(
+                        "cfreg: {} lines of {output}.part were changed since they were written, or \
+                         are of other pairs: these were registered again\n",
+                        done.damaged
+                    ));
+                }
                 let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
                 say(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
-                Ok(Outcome::Trusted)
+                Ok(if trusted > 0 { Outcome::Trusted } else { Outcome::Doubted })
             }
             Err(Error::Interrupted) => {
                 say(&format!(

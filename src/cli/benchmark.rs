@@ -79,12 +79,17 @@ impl Benchmark {
             ("figure", &svg),
             ("figure", &png),
         ];
-        outputs::check(&lists, &written.map(|(option, path)| (option, path.as_deref())))?;
+        let written = written.map(|(option, path)| (option, path.as_deref()));
+        let mut inputs = lists.clone();
+        inputs.extend(self.poses.iter().map(PathBuf::as_path));
+        outputs::check(&inputs, &written)?;
         let mut pairs = Vec::new();
         for path in lists {
             let own = path.parent().unwrap_or(Path::new(""));
             pairs.extend(list::read(path, self.folder.as_deref().unwrap_or(own))?);
         }
+        inputs.extend(pairs.iter().flat_map(|pair| [pair.source.as_path(), &pair.target]));
+        outputs::check(&inputs, &written)?;
         let poses = self.poses(&pairs)?;
         let pairs: Vec<_> = pairs.into_iter().step_by(self.every as usize).collect();
         let settings = Settings {

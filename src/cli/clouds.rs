@@ -112,7 +112,9 @@ pub(super) struct Convert {
 impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
         io::writable(&self.output)?;
-        outputs::check(&[&self.input], &[("output", Some(&self.output))])?;
+        let mut inputs = vec![self.input.as_path()];
+        inputs.extend(self.transform.as_deref());
+        outputs::check(&inputs, &[("output", Some(&self.output))])?;
         let mut cloud = reading::read(&self.input, &self.thinning, 0)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;

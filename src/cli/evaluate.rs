@@ -11,7 +11,7 @@ use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::io;
-use crate::quality::{self, Decision, Judgement, Verdict};
+use crate::quality::{self, Judgement, Verdict};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -75,14 +75,15 @@ impl Evaluate {
             judge.judge(source, target, &transform)
         };
         let verdict = self.verdict.then(verdict).transpose()?;
-        let accepted = verdict.as_ref().is_none_or(|it| it.decision == Decision::Accept);
+        let decision = verdict.as_ref().map(|verdict| verdict.decision);
+        let usable = quality::is_usable(&transform, true, decision);
         if self.json {
             print_json(&Answer { judgement, verdict })?;
         } else {
             let verdict = verdict.map_or_else(String::new, |it| format!("{it}\n"));
             print(&(text(&judgement) + &verdict))?;
         }
-        Ok(if accepted { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if usable { Outcome::Trusted } else { Outcome::Doubted })
     }
 }
 

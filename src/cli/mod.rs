@@ -1,7 +1,7 @@
 //! The command line: translates words into calls, decides nothing.
 //!
 //! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
-//! to be trusted, 2 no answer, 130 ended by Ctrl-C.
+//! to be trusted, 2 no answer, or none that could be written, 130 ended by Ctrl-C.
 
 mod batch;
 mod benchmark;
@@ -20,6 +20,7 @@ mod trials;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
@@ -75,9 +76,20 @@ enum Outcome {
     NoAnswer,
 }
 
-/// Runs the command line of this process; `meter` tells its memory.
-pub fn main(meter: Option<Meter>) -> ExitCode {
-    let outcome = match Arguments::parse().command {
+/// Whether there is no standard output: the process was begun without.
+static NO_OUTPUT: AtomicBool = AtomicBool::new(false);
+
+/// Runs the command line of this process; `meter` tells its memory, `output` whether it was begun
+/// with a standard output. Rust puts /dev/null where there is none, and what is printed is lost.
+pub fn main(meter: Option<Meter>, output: bool) -> ExitCode {
+    NO_OUTPUT.store(!output, Ordering::Relaxed);
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => error.exit(),
+        // Help, or the version.
+        Err(help) => return exit_code(written(|| help.print()).map(|()| Outcome::Trusted)),
+    };
+    exit_code(match arguments.command {
         Command::Register(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Info(command) => command.run(),
@@ -90,15 +102,14 @@ pub fn main(meter: Option<Meter>) -> ExitCode {
         Command::Batch(command) => command.run(),
         Command::Graph(command) => command.run(),
         Command::Reproduce(command) => command.run(meter),
-    };
+    })
+}
+
+fn exit_code(outcome: Result<Outcome>) -> ExitCode {
     match outcome {
         Ok(Outcome::Trusted) => ExitCode::SUCCESS,
         Ok(Outcome::Doubted) => ExitCode::from(1),
         Ok(Outcome::NoAnswer) => ExitCode::from(2),
-        // The reader of a pipe has seen enough: no reason to complain.
-        Err(Error::Io { source, .. }) if source.kind() == io::ErrorKind::BrokenPipe => {
-            ExitCode::SUCCESS
-        }
         // As shells count it: 128 and the number of the signal.
         Err(Error::Interrupted) => ExitCode::from(130),
         Err(error) => {
@@ -115,7 +126,20 @@ fn say(text: &str) {
 
 /// Writes `text` to stdout.
 fn print(text: &str) -> Result<()> {
-    io::stdout().write_all(text.as_bytes()).map_err(|error| Error::io("standard output", error))
+    written(|| io::stdout().write_all(text.as_bytes()))
+}
+
+/// Has something written to stdout, all of it: what is lost there is no answer.
+fn written(write: impl FnOnce() -> io::Result<()>) -> Result<()> {
+    let closed = "is closed: what was to be printed is lost";
+    if NO_OUTPUT.load(Ordering::Relaxed) {
+        return Err(Error::io("standard output", io::Error::other(closed)));
+    }
+    let done = write().and_then(|()| io::stdout().flush());
+    done.map_err(|error| match error.kind() {
+        io::ErrorKind::BrokenPipe => Error::io("standard output", io::Error::other(closed)),
+        _ => Error::io("standard output", error),
+    })
 }
 
 /// Writes `value` to stdout as indented JSON.

@@ -1,6 +1,6 @@
 //! Options that several commands share, as they are typed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -141,6 +141,11 @@ pub(super) struct MethodOptions {
 }
 
 impl MethodOptions {
+    /// Files that are read for it.
+    pub(super) fn inputs(&self) -> Option<&Path> {
+        self.known.near.as_deref()
+    }
+
     /// What was typed, laid over the defaults of method and refinements.
     pub(super) fn method(&self) -> Result<Chain> {
         let mut method: Method = self.method.parse()?;

@@ -1,12 +1,14 @@
 //! Files that a command is to write, looked at before minutes of work and not after.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::io::outputs::Identity;
 
-/// Refuses an output that is an input or another output, or whose folder is not there.
+/// Refuses an output that is an input or another output, by whatever link, or whose folder is
+/// not there.
 pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)]) -> Result<()> {
-    let mut taken: Vec<PathBuf> = inputs.iter().map(|path| place(path)).collect();
+    let mut taken: Vec<Identity> = inputs.iter().filter_map(|path| Identity::of(path)).collect();
     for &(option, path) in outputs {
         let Some(path) = path else { continue };
         let refuse = |rule: &str| Err(Error::config(option, path.display(), rule));
@@ -20,24 +22,29 @@ pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)])
         if path.is_dir() {
             return refuse("is a folder");
         }
-        let place = place(path);
-        if taken.contains(&place) {
+        // Devices such as /dev/null may be named as often as one likes.
+        if path.exists() && !path.is_file() {
+            continue;
+        }
+        let Some(file) = Identity::of(path) else { continue };
+        if taken.contains(&file) {
             return refuse("would overwrite an input or another output of this command");
         }
-        // Devices such as /dev/null may be named as often as one likes.
-        if !path.exists() || path.is_file() {
-            taken.push(place);
-        }
+        taken.push(file);
     }
     Ok(())
 }
 
-/// The file a path stands for, whether it is there already or not.
-fn place(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|folder| *folder != Path::new(""));
-    let beside = || {
-        let folder = std::fs::canonicalize(folder.unwrap_or(Path::new("."))).ok()?;
-        Some(folder.join(path.file_name()?))
-    };
-    std::fs::canonicalize(path).ok().or_else(beside).unwrap_or_else(|| path.to_path_buf())
+/// Refuses an output that was not named, but follows from another name, where a file is that
+/// `ours` does not know for one of this program.
+pub(super) fn check_unnamed(
+    option: &'static str,
+    path: &Path,
+    ours: impl FnOnce(&Path) -> bool,
+) -> Result<()> {
+    if !path.exists() || ours(path) {
+        return Ok(());
+    }
+    let rule = "is there and was not written by this program: move it, or name another place";
+    Err(Error::config(option, path.display(), rule))
 }

@@ -73,7 +73,9 @@ impl Register {
             report,
             figure,
         ];
-        outputs::check(&[&self.source, &self.target], &outputs)?;
+        let mut inputs = vec![self.source.as_path(), &self.target];
+        inputs.extend(self.method.inputs());
+        outputs::check(&inputs, &outputs)?;
         let threads = self.method.threads.unwrap_or(0);
         let bar = progress(0, "registering");
         let (mut registration, clouds) = par::with_threads(threads, || {
@@ -102,7 +104,7 @@ impl Register {
         for doubt in &registration.doubts {
             say(&format!("cfreg: not to be trusted: {doubt}\n"));
         }
-        if !registration.trusted {
+        if !registration.is_usable() {
             say(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
         }
         let answer = Answer {
@@ -128,7 +130,7 @@ impl Register {
             say(&summary(&registration));
             print(&matrix_text(&registration.transform.matrix()))?;
         }
-        Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if registration.is_usable() { Outcome::Trusted } else { Outcome::Doubted })
     }
 }
 

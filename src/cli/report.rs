@@ -9,7 +9,7 @@ use super::{Outcome, outputs, progress, reading, say};
 use crate::batch;
 use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
-use crate::report::{Bulk, Kept};
+use crate::report::{self, Bulk, Kept};
 
 #[derive(Args)]
 pub(super) struct Report {
@@ -70,6 +70,9 @@ impl Report {
 
     fn page(&self) -> Result<Outcome> {
         let output = self.output.clone().unwrap_or_else(|| self.result.with_extension("html"));
+        if self.output.is_none() {
+            outputs::check_unnamed("output", &output, report::is_ours)?;
+        }
         let pictures = Pictures { report: Some(output), figure: self.figure.clone() };
         pictures.check()?;
         let kept = Kept::read(&self.result)?;

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::options::MethodOptions;
 use super::register::summary;
-use super::{Outcome, matrix_text, print, print_json, progress, say};
+use super::{Outcome, matrix_text, outputs, print, print_json, progress, say};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::experiment::accuracy::{Report, Settings, run};
@@ -61,6 +61,13 @@ impl Demo {
         let target = target.with_viewpoint([0.0; 3])?.transformed(&truth)?;
         if let Some(folder) = &self.write {
             std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+            let files = ["source.pcd", "target.pcd", "truth.txt"].map(|name| folder.join(name));
+            // A pair of an earlier demo has all three.
+            let earlier = files.iter().all(|file| file.is_file())
+                && io::read_transform(&files[2]).is_ok();
+            for file in &files {
+                outputs::check_unnamed("write", file, |_| earlier)?;
+            }
             io::write(folder.join("source.pcd"), &source)?;
             io::write(folder.join("target.pcd"), &target)?;
             io::write_transform(folder.join("truth.txt"), &truth)?;
@@ -84,7 +91,7 @@ impl Demo {
                 100.0 * error.translation / source.diagonal()
             ));
         }
-        Ok(if registration.trusted { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if registration.is_usable() { Outcome::Trusted } else { Outcome::Doubted })
     }
 }
 

@@ -19,16 +19,20 @@ mod columns;
 mod fault;
 mod fields;
 mod format;
+pub(crate) mod guard;
 mod lines;
+pub(crate) mod outputs;
 mod pcd;
 mod ply;
 mod pose;
+#[cfg(any(feature = "batch", feature = "figures"))]
+mod sheet;
 mod table;
 mod text;
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
@@ -37,6 +41,8 @@ use columns::Columns;
 use fault::Fault;
 pub use format::Format;
 pub use pose::{read_transform, write_transform};
+#[cfg(any(feature = "batch", feature = "figures"))]
+pub(crate) use sheet::Sheet;
 
 /// Reads a cloud, in the unit and frame of the file.
 ///
@@ -175,35 +181,18 @@ fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> 
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {
         // Something like /dev/stdout, which cannot be replaced; or a directory.
-        File::create(&target).and_then(|file| fill_file(file, fill))
+        File::create(&target).and_then(|file| fill_file(&file, fill))
     } else {
-        sibling(&target).and_then(|(file, beside)| {
-            let renamed = fill_file(file, fill).and_then(|()| fs::rename(&beside, &target));
-            renamed.inspect_err(|_| {
-                // The first error is the one to tell.
-                let _ = fs::remove_file(&beside);
-            })
+        outputs::beside(&target).and_then(|beside| {
+            fill_file(beside.as_file(), fill)?;
+            beside.persist(&target).map(drop).map_err(|failed| failed.error)
         })
     };
     written.map_err(|source| Error::io(path, source))
 }
 
-fn fill_file(file: File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn fill_file(file: &File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut out = BufWriter::new(file);
     fill(&mut out)?;
     out.flush()
-}
-
-/// A new file in the folder of `path`, under a name nobody else has.
-fn sibling(path: &Path) -> io::Result<(File, PathBuf)> {
-    let mut attempt = 0;
-    loop {
-        let beside = path.with_file_name(format!(".cfreg-{}-{attempt}", std::process::id()));
-        match OpenOptions::new().write(true).create_new(true).open(&beside) {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {
-                attempt += 1
-            }
-            opened => return opened.map(|file| (file, beside)),
-        }
-    }
 }

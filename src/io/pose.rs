@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::fault::{Fault, shown};
 use super::lines::{Lines, number};
-use super::{load, replace};
+use super::{guard, replace};
 use crate::cloud::Transform;
 use crate::error::Result;
 
@@ -23,7 +23,10 @@ use crate::error::Result;
 /// ```
 pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     let path = path.as_ref();
-    let content = load(path)?;
+    let content = guard::bytes(path, guard::DOCUMENT)?;
+    if content.is_empty() {
+        return Err(Fault::new("is empty").within(path));
+    }
     let matrix = match content.trim_ascii_start().first() {
         Some(b'[' | b'{') => parse_json(&content),
         _ => parse_rows(&content),

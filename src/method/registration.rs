@@ -146,6 +146,13 @@ impl Registration {
 const STILL: (f64, f64) = (5.0, 0.05);
 
 impl Registration {
+    /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
+    /// one, and it is finite and proper ([`quality::is_usable`]).
+    pub fn is_usable(&self) -> bool {
+        let decision = self.verdict.as_ref().map(|verdict| verdict.decision);
+        quality::is_usable(&self.transform, self.trusted, decision)
+    }
+
     /// With a verdict on its pose ([`Consensus::judge`](super::Consensus::judge)), which looks
     /// closer than agreement and replaces it as a ground for doubt.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {

@@ -1,10 +1,12 @@
 //! Lists of pairs from Python.
 
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use numpy::PyArray1;
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
@@ -128,7 +130,14 @@ pub(super) fn register_batch(
     }
     match found? {
         Found::Rows(rows) => columns(py, &rows, settings.times),
-        Found::Summary(Summary { pairs, resumed, trusted, errors, .. }) => {
+        Found::Summary(Summary { pairs, resumed, trusted, errors, damaged, .. }) => {
+            if damaged > 0 {
+                let words = format!(
+                    "{damaged} rows of the run that was cut short were changed since, or are of \
+                     other pairs: these were registered again"
+                );
+                PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(words)?, 2)?;
+            }
             Ok((pairs, resumed, trusted, errors).into_pyobject(py)?.into_any().unbind())
         }
     }

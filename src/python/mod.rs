@@ -51,7 +51,9 @@ mod _native {
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
-    use super::registration::{evaluate, judge, register, rotation_vector, settings};
+    use super::registration::{
+        evaluate, is_usable, judge, register, rotation_vector, settings,
+    };
     #[pymodule_export]
     use super::report::{report, thumbnail};
     #[pymodule_export]

@@ -185,3 +185,16 @@ pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<[f64; 3]> {
 pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
+
+/// Whether a pose may be used: `quality::is_usable`. What is no pose may not.
+#[pyfunction]
+#[pyo3(signature = (transform, trusted, decision=None))]
+pub(super) fn is_usable(
+    transform: [[f64; 4]; 4],
+    trusted: bool,
+    decision: Option<&str>,
+) -> PyResult<bool> {
+    let decision = decision.map(str::parse).transpose().map_err(exception)?;
+    let pose = Transform::from_matrix(transform);
+    Ok(pose.is_ok_and(|pose| quality::is_usable(&pose, trusted, decision)))
+}

@@ -80,7 +80,9 @@ const AGREED: f64 = 0.5;
 const STEP: f64 = 0.2;
 const PROBES: usize = 1000;
 /// What a sampled surface is not known better than, in spacings: where there is no noise at all,
-/// the errors left are of the two samplings and no residual shows them.
+/// the errors left are of the two samplings and no residual shows them. So a slope is not known
+/// better than this either, and what moves points along their surface but for such slopes holds
+/// nothing: in clouds that are flat, or copies of each other, both normals are wrong alike.
 const FLOOR: f64 = 0.004;
 
 impl PoseCovariance {
@@ -128,9 +130,11 @@ impl PoseCovariance {
         }
         let answer = frame.answer(&contacts, pose, &motions, STEP * spacing);
         let known = spacing / frame.radius;
+        let slope = |k: usize| (values[k] / frame.moved(&all, &motions[k])).sqrt();
         let holds = |&k: &usize| {
             let agreed = along(k, &agreed.map(|row| along(k, &row)));
             agreed > AGREED * values[k]
+                && slope(k) > FLOOR
                 && answer[k][k] > 0.0
                 && scatter[k][k].sqrt() < known * answer[k][k]
         };
@@ -259,6 +263,16 @@ impl Frame {
     /// Weighted distance along the normal, in radii.
     fn off(&self, contact: &Contact) -> f64 {
         contact.weight * math::dot(contact.normal(), contact.offset) / self.radius
+    }
+
+    /// Sum of the squares by which a motion moves the contacts, in radii.
+    fn moved(&self, contacts: &[Contact], &[a, b, c, x, y, z]: &Vec6) -> f64 {
+        let square = |contact: &Contact| {
+            let arm = math::scaled(math::sub(contact.place, self.center), 1.0 / self.radius);
+            let way = math::add(math::cross([a, b, c], arm), [x, y, z]);
+            contact.weight * math::dot(way, way)
+        };
+        contacts.iter().map(square).sum()
     }
 
     fn motion(&self, &[a, b, c, x, y, z]: &Vec6) -> Motion {

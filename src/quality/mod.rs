@@ -17,4 +17,4 @@ pub(crate) use evaluate::distance_of_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use judge::{Judgement, judge};
 pub use truth::{TruthError, truth_error};
-pub use verdict::{ACCEPT, AMBIGUOUS, Decision, RunnerUp, Verdict};
+pub use verdict::{ACCEPT, AMBIGUOUS, Decision, RunnerUp, Verdict, is_usable};

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::PoseCovariance;
 use crate::cloud::Transform;
+use crate::error::{Error, Result};
 
 /// Probability from which on a pose is accepted.
 pub const ACCEPT: f64 = 0.7;
@@ -24,6 +25,35 @@ pub enum Decision {
     Ambiguous,
     /// It is probably wrong; the clouds may show nothing in common.
     Reject,
+}
+
+impl std::str::FromStr for Decision {
+    type Err = Error;
+
+    /// By its word, as [`Display`](fmt::Display) writes it.
+    fn from_str(word: &str) -> Result<Decision> {
+        let all = [Decision::Accept, Decision::Ambiguous, Decision::Reject];
+        let found = all.into_iter().find(|decision| decision.to_string() == word);
+        let rule = "must be accept, ambiguous or reject";
+        found.ok_or_else(|| Error::config("decision", word, rule))
+    }
+}
+
+/// Whether a pose may be used: nothing speaks against it (`trusted`), a verdict on it, if there
+/// is one, is [`Decision::Accept`], its numbers are finite, and it is a proper rotation, a positive
+/// scale and a shift.
+///
+/// Every part of the crate that takes a pose on asks this: graphs, summaries, reports, exit status.
+///
+/// ```
+/// use cfreg::{Transform, quality::{Decision, is_usable}};
+/// let pose = Transform::IDENTITY;
+/// assert!(is_usable(&pose, true, None) && is_usable(&pose, true, Some(Decision::Accept)));
+/// assert!(!is_usable(&pose, false, Some(Decision::Accept)));
+/// ```
+pub fn is_usable(pose: &Transform, trusted: bool, decision: Option<Decision>) -> bool {
+    let accepted = decision.is_none_or(|decision| decision == Decision::Accept);
+    trusted && accepted && Transform::from_matrix(pose.matrix()).is_ok()
 }
 
 impl fmt::Display for Decision {
@@ -182,7 +212,33 @@ mod tests {
     fn decisions_are_words_as_in_json() {
         for decision in [Decision::Accept, Decision::Ambiguous, Decision::Reject] {
             assert_eq!(serde_json::to_value(decision).unwrap(), decision.to_string());
+            assert_eq!(decision.to_string().parse::<Decision>().unwrap(), decision);
         }
+    }
+
+    #[test]
+    fn a_pose_is_used_that_nothing_speaks_against() {
+        let pose = Transform::IDENTITY;
+        for (trusted, decision, usable) in [
+            (true, None, true),
+            (false, None, false),
+            (true, Some(Decision::Accept), true),
+            (false, Some(Decision::Accept), false),
+            (true, Some(Decision::Ambiguous), false),
+            (true, Some(Decision::Reject), false),
+        ] {
+            assert_eq!(is_usable(&pose, trusted, decision), usable, "{trusted} {decision:?}");
+        }
+        let mut mirrored = pose;
+        mirrored.rotation[0][0] = -1.0;
+        let mut sheared = pose;
+        sheared.rotation[0][1] = 0.1;
+        let nowhere = Transform { translation: [0.0, f64::NAN, 0.0], ..pose };
+        let nothing = Transform { scale: 0.0, ..pose };
+        for broken in [mirrored, sheared, nowhere, nothing] {
+            assert!(!is_usable(&broken, true, None), "{broken:?}");
+        }
+        assert!("Accept".parse::<Decision>().is_err());
     }
 
     #[test]

@@ -34,11 +34,11 @@ impl Bulk<'_> {
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
         listing::make(self.output)?;
         let mut order: Vec<&Row> = rows.iter().collect();
-        let badness = |row: &Row| match (&row.error, row.decision.as_deref(), row.trusted) {
-            (Some(_), ..) => 0,
-            (None, Some("reject"), _) => 1,
-            (None, Some("ambiguous"), _) => 2,
-            (None, _, Some(true)) => 4,
+        let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
+            (Some(_), _) => 0,
+            (None, Some("reject")) => 1,
+            (None, Some("ambiguous")) => 2,
+            _ if row.is_usable() => 4,
             _ => 3,
         };
         let sure = |row: &Row| row.probability.or(row.agreement).unwrap_or(0.0);
@@ -50,8 +50,8 @@ impl Bulk<'_> {
         let mut lines = vec![format!(
             "{} pairs: {} to be trusted, {} not, {} without an answer.",
             rows.len(),
-            count(&|row| row.trusted == Some(true)),
-            count(&|row| row.trusted == Some(false)),
+            count(&Row::is_usable),
+            count(&|row| row.error.is_none() && !row.is_usable()),
             count(&|row| row.error.is_some()),
         )];
         let all = order.len().min(self.pages);
@@ -103,14 +103,17 @@ impl Bulk<'_> {
 }
 
 fn line(row: &Row) -> Line {
-    let verdict = match (&row.error, row.trusted) {
-        (Some(_), _) => "no answer".into(),
-        (None, Some(true)) => row.decision.clone().unwrap_or("trusted".into()),
-        (None, _) => row.decision.clone().unwrap_or("doubted".into()),
+    let usable = row.is_usable();
+    let verdict = match (&row.error, usable, row.decision.as_deref()) {
+        (Some(_), ..) => "no answer",
+        (None, true, decision) => decision.unwrap_or("trusted"),
+        // Accepted by a verdict, and doubted for another reason.
+        (None, false, None | Some("accept")) => "doubted",
+        (None, false, Some(decision)) => decision,
     };
-    let tone = match (&row.error, row.decision.as_deref(), row.trusted) {
-        (Some(_), ..) | (None, Some("reject"), _) | (None, None, Some(false)) => "bad",
-        (None, _, Some(true)) => "good",
+    let tone = match (&row.error, row.decision.as_deref()) {
+        _ if usable => "good",
+        (Some(_), _) | (None, Some("reject") | None) => "bad",
         _ => "unsure",
     };
     let why = [&row.error, &row.doubts].into_iter().find_map(Clone::clone).unwrap_or_default();
@@ -151,7 +154,7 @@ fn facts(row: &Row) -> Result<Option<Facts>> {
         other_scale: None,
     });
     let doubts = parts(&row.doubts).into_iter().map(|message| Told { message }).collect();
-    let trusted = row.trusted.unwrap_or(false);
+    let trusted = row.is_usable();
     let mut facts = Facts::bare(Transform::from_matrix(rows)?, "a list", trusted, doubts);
     facts.verdict = verdict;
     facts.evaluation = row.fitness.zip(row.max_distance).map(|(fitness, max_distance)| {

@@ -7,6 +7,7 @@ use super::facts::Facts;
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
+use crate::io;
 
 /// What `cfreg register --json` printed, read again.
 pub struct Kept {
@@ -20,7 +21,7 @@ impl Kept {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
     pub fn read(path: &Path) -> Result<Kept> {
-        let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
+        let text = io::guard::text(path, io::guard::DOCUMENT)?;
         Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 

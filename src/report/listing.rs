@@ -73,7 +73,9 @@ impl Line {
     pub(super) fn open(&mut self, mut pair: Pair<'_>, folder: &Path, number: usize) -> Result<()> {
         pair.points = POINTS;
         let link = format!("{FOLDER}/{number:05}.html");
-        io::write_bytes(&folder.join(&link), pair.html()?.as_bytes())?;
+        let path = folder.join(&link);
+        check(&path)?;
+        io::write_bytes(&path, pair.html()?.as_bytes())?;
         self.picture = Some(STANDARD.encode(pair.thumbnail(PICTURE)?.png()?));
         self.link = Some(link);
         Ok(())
@@ -100,8 +102,18 @@ impl Listing {
     }
 }
 
-/// Makes the folder of a list's pages.
+/// Makes the folder of a list's pages, unless the table would take the place of another page.
 pub(super) fn make(folder: &Path) -> Result<()> {
+    check(&folder.join("index.html"))?;
     let pairs = folder.join(FOLDER);
     std::fs::create_dir_all(&pairs).map_err(|error| Error::io(&pairs, error))
+}
+
+/// Refuses to write over what is no page of this program.
+fn check(path: &Path) -> Result<()> {
+    if !path.exists() || page::is_ours(path) {
+        return Ok(());
+    }
+    let rule = "is there and was not written by this program: name another folder";
+    Err(Error::config("output", path.display(), rule))
 }

@@ -22,5 +22,6 @@ mod words;
 pub use batch::Bulk;
 pub use benchmark::benchmark;
 pub use kept::Kept;
+pub use page::is_ours;
 pub use pair::Pair;
 pub use study::study;

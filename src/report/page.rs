@@ -1,6 +1,10 @@
 //! Pages from templates. What comes from files is text there and is escaped: in HTML by the
 //! templates' own rules, in scripts as JSON without `<`.
 
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, Value, context};
 use serde::Serialize;
@@ -53,6 +57,15 @@ pub(super) fn listing(page: &impl Serialize) -> Result<String> {
         },
     )
 }
+
+/// Whether a file is a page of this program: both templates begin by saying so.
+pub fn is_ours(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(1024).read_to_end(&mut start));
+    read.is_ok() && String::from_utf8_lossy(&start).contains(MARK)
+}
+
+const MARK: &str = "<meta name=\"generator\" content=\"cfreg\">";
 
 fn render(name: &'static str, template: &'static str, values: Value) -> Result<String> {
     let mut pages = Environment::new();

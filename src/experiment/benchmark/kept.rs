@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Pair, Row, Settings};
 use crate::error::{Error, Result};
+use crate::io;
 
 /// Rows in a file, and those that join them.
 #[derive(Default)]
@@ -18,35 +19,43 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Reads the rows of `path` if it is there; a last row that was cut short is dropped.
+    /// Reads the rows of `path` if it is there; a last row that was cut short, or any that is none,
+    /// is dropped. The file is replaced by one of the others, at once.
     pub(super) fn open(path: &Path, settings: &Settings) -> Result<Kept> {
         let failed = |error| Error::io(path, error);
+        let refuse = |rule: &str| Err(Error::config("output", path.display(), rule));
         let first = format!("# {}\n", serde_json::to_string(settings).unwrap_or_default());
-        let text = match fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(failed(error)),
-        };
-        if !text.is_empty() && !text.starts_with(&first) {
-            let rule = "was made by other settings: name another file or remove it";
-            return Err(Error::config("output", path.display(), rule));
+        let there = path.exists();
+        if there && !path.is_file() {
+            return refuse("is not a regular file");
+        }
+        let text = if there { io::guard::text(path, MOST)? } else { String::new() };
+        if !first.starts_with(&text) && !text.starts_with(&first) {
+            return refuse(
+                "is there and has no rows of this benchmark, or those of other settings: name \
+                 another file, or move it",
+            );
         }
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let body = whole.strip_prefix(&first).unwrap_or("");
         let mut reader = csv::Reader::from_reader(body.as_bytes());
         let rows: Vec<Row> = reader.deserialize().filter_map(Result::ok).collect();
-        // Written anew, whole: what comes is appended to it.
-        let mut file = OpenOptions::new()
-            .create(true)
-            .write(true)
-            .truncate(true)
-            .open(path)
-            .map_err(failed)?;
-        file.write_all(first.as_bytes()).map_err(failed)?;
-        let mut kept = Kept { file: Some((path.into(), file)), ..Kept::default() };
-        kept.write(&rows)?;
-        kept.rows = rows.into_iter().map(|row| (key(&row), row)).collect();
-        Ok(kept)
+        let mut content = first.into_bytes();
+        content.extend(table(&rows, true).map_err(|error| failed(error.into()))?);
+        if text.as_bytes() != content {
+            io::write_bytes(path, &content)?;
+        }
+        let file = OpenOptions::new().append(true).open(path).map_err(failed)?;
+        match file.try_lock() {
+            Err(std::fs::TryLockError::WouldBlock) => {
+                return refuse("another process is at work on it");
+            }
+            // Some network file systems have no locks.
+            Ok(()) | Err(std::fs::TryLockError::Error(_)) => {}
+        }
+        let titled = !rows.is_empty();
+        let rows = rows.into_iter().map(|row| (key(&row), row)).collect();
+        Ok(Kept { file: Some((path.into(), file)), rows, titled })
     }
 
     pub(super) fn find(&self, pair: &Pair, method: &str) -> Option<Row> {
@@ -54,25 +63,25 @@ impl Kept {
         self.rows.get(&[path(&pair.source), path(&pair.target), method.into()]).cloned()
     }
 
+    /// Appends a row, the names of the columns before the first.
     pub(super) fn add(&mut self, row: &Row) -> Result<()> {
-        self.write(std::slice::from_ref(row))
-    }
-
-    /// Appends rows, the names of their columns before the first.
-    fn write(&mut self, rows: &[Row]) -> Result<()> {
         let Some((path, file)) = &mut self.file else { return Ok(()) };
-        let mut table = csv::WriterBuilder::new().has_headers(!self.titled).from_writer(Vec::new());
-        let failed = |error: csv::Error| Error::io(&*path, std::io::Error::other(error));
-        for row in rows {
-            table.serialize(row).map_err(failed)?;
-        }
-        self.titled |= !rows.is_empty();
-        let bytes = table
-            .into_inner()
-            .map_err(|error| Error::io(&*path, std::io::Error::other(error.to_string())))?;
-        file.write_all(&bytes).map_err(|error| Error::io(&*path, error))
+        let failed = |error| Error::io(&*path, error);
+        let bytes = table(std::slice::from_ref(row), !self.titled).map_err(|e| failed(e.into()))?;
+        self.titled = true;
+        file.write_all(&bytes).map_err(failed)
     }
 }
+
+/// Rows as CSV, with the names of the columns or without.
+fn table(rows: &[Row], titled: bool) -> std::result::Result<Vec<u8>, csv::Error> {
+    let mut table = csv::WriterBuilder::new().has_headers(titled).from_writer(Vec::new());
+    rows.iter().try_for_each(|row| table.serialize(row))?;
+    table.into_inner().map_err(|error| error.into_error().into())
+}
+
+/// Most bytes of such a file. Chosen by hand: four million rows.
+const MOST: u64 = 1 << 30;
 
 fn key(row: &Row) -> [String; 3] {
     [row.source.clone(), row.target.clone(), row.method.clone()]

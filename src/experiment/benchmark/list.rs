@@ -1,10 +1,12 @@
 //! Lists of pairs with known poses: CSV, and the `gt.log` of 3DMatch.
 
-use std::collections::HashMap;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
+use crate::io::Sheet;
+use crate::io::guard::{self, Guarded};
 
 /// Two clouds and the pose between them.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,46 +25,50 @@ pub struct Pair {
     pub unit: f64,
 }
 
-/// A table of pairs with poses, read by the names of its columns.
-pub(super) struct Table<'a> {
-    path: &'a Path,
-    columns: HashMap<String, usize>,
-    record: csv::StringRecord,
-    line: usize,
+impl Pair {
+    /// Bytes of memory that it takes in a list, which grows by doubling.
+    fn bytes(&self) -> usize {
+        let texts = [self.source.as_os_str().len(), self.target.as_os_str().len()];
+        2 * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
+    }
 }
 
-impl<'a> Table<'a> {
-    /// Its rows, one after the other.
+/// A table of pairs with poses, read by the names of its columns.
+pub(super) struct Table(Sheet);
+
+impl Table {
+    /// Opens it before its first row.
     ///
     /// # Errors
-    /// [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
-    pub(super) fn read<'t>(
-        path: &'a Path,
-        text: &'t str,
-    ) -> Result<impl Iterator<Item = Result<Table<'a>>> + use<'a, 't>> {
-        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|error| parse(path, 1, error.to_string()))?;
-        let columns: HashMap<String, usize> =
-            header.iter().zip(0..).map(|(name, at)| (name.trim().to_string(), at)).collect();
+    /// [`Error::Io`]; [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
+    pub(super) fn open(path: &Path) -> Result<Table> {
+        let sheet = Sheet::open(path)?;
         let entries = (0..16).map(entry);
         for name in ["source", "target"].into_iter().map(String::from).chain(entries) {
-            if !columns.contains_key(&name) {
-                return Err(parse(path, 1, format!("no column {name} in the header")));
-            }
+            sheet.column(&name)?;
         }
-        Ok(reader.into_records().map(move |record| {
-            let line =
-                |position: Option<&csv::Position>| position.map_or(0, |at| at.line() as usize);
-            let record =
-                record.map_err(|error| parse(path, line(error.position()), error.to_string()))?;
-            Ok(Table { path, columns: columns.clone(), line: line(record.position()), record })
-        }))
+        Ok(Table(sheet))
+    }
+
+    /// Goes on to the next row; `false` where there is none.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`].
+    pub(super) fn next(&mut self) -> Result<bool> {
+        self.0.next()
+    }
+
+    /// Counts memory that is taken for the current row.
+    ///
+    /// # Errors
+    /// [`Error::Parse`] where the table takes more than its size allows.
+    pub(super) fn take(&mut self, bytes: usize) -> Result<()> {
+        self.0.take(bytes)
     }
 
     /// What stands under `name`; empty where nothing does.
     pub(super) fn word(&self, name: &str) -> &str {
-        let at = self.columns.get(name);
-        at.and_then(|&at| self.record.get(at)).unwrap_or("").trim()
+        self.0.find(name).unwrap_or("")
     }
 
     /// The number under `name`, if there is one.
@@ -91,7 +97,12 @@ impl<'a> Table<'a> {
 
     /// An error in this row.
     pub(super) fn wrong(&self, what: String) -> Error {
-        parse(self.path, self.line, what)
+        self.0.wrong(what)
+    }
+
+    /// The line of the current row.
+    pub(super) fn line(&self) -> usize {
+        self.0.line()
     }
 }
 
@@ -114,10 +125,9 @@ fn entry(k: usize) -> String {
 /// # Errors
 /// [`Error::Io`], and [`Error::Parse`] with the line that cannot be understood.
 pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
-    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
     let pairs = match path.extension().is_some_and(|end| end == "log") {
-        true => log(path, &text)?,
-        false => table(path, folder, &text)?,
+        true => log(path, BufReader::new(Guarded::open(path)?))?,
+        false => table(path, folder)?,
     };
     if pairs.is_empty() {
         return Err(parse(path, 1, "no pair"));
@@ -129,10 +139,10 @@ fn parse(path: &Path, line: usize, what: impl Into<String>) -> Error {
     Error::parse(path, Some(line), what)
 }
 
-fn table(path: &Path, folder: &Path, text: &str) -> Result<Vec<Pair>> {
+fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     let mut pairs = Vec::new();
-    for row in Table::read(path, text)? {
-        let row = row?;
+    let mut row = Table::open(path)?;
+    while row.next()? {
         let overlap = row.number("overlap")?;
         let truth = if overlap == Some(0.0) { None } else { row.pose()? };
         let unit = match row.word("units") {
@@ -142,30 +152,43 @@ fn table(path: &Path, folder: &Path, text: &str) -> Result<Vec<Pair>> {
             other => return Err(row.wrong(format!("unit {other:?}: must be m, cm or mm"))),
         };
         let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
-        pairs.push(Pair {
+        let pair = Pair {
             dataset: dataset.into(),
             source: folder.join(row.word("source")),
             target: folder.join(row.word("target")),
             truth,
             overlap,
             unit,
-        });
+        };
+        row.take(pair.bytes())?;
+        pairs.push(pair);
     }
     Ok(pairs)
 }
 
-fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
-    let lines: Vec<(usize, Vec<f64>)> = text
-        .lines()
-        .zip(1..)
-        .filter(|(line, _)| !line.trim().is_empty())
-        .map(|(line, number)| {
-            let words = line.split_whitespace().map(|word| {
-                word.parse().map_err(|_| parse(path, number, format!("{word:?} is no number")))
-            });
-            Ok((number, words.collect::<Result<Vec<f64>>>()?))
-        })
-        .collect::<Result<_>>()?;
+/// The next line of numbers of a log, with its number; blank ones are passed over.
+fn numbers(
+    path: &Path,
+    reader: &mut impl BufRead,
+    line: &mut usize,
+) -> Result<Option<(usize, Vec<f64>)>> {
+    let mut bytes = Vec::new();
+    while guard::line(reader, &mut bytes).map_err(|error| Error::io(path, error))? {
+        *line += 1;
+        let text = std::str::from_utf8(&bytes).map_err(|_| parse(path, *line, "is not text"))?;
+        // A row of a pose has four, the line before it two or more.
+        let words = text.split_whitespace().take(5).map(|word| {
+            word.parse().map_err(|_| parse(path, *line, format!("{word:?} is no number")))
+        });
+        let numbers = words.collect::<Result<Vec<f64>>>()?;
+        if !numbers.is_empty() {
+            return Ok(Some((*line, numbers)));
+        }
+    }
+    Ok(None)
+}
+
+fn log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let set = called(folder)?;
     let scene = set.strip_suffix("-evaluation").unwrap_or(&set);
@@ -178,17 +201,17 @@ fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
             None => folder.join("..").join(scene).join(cloud),
         }
     };
-    let mut pairs = Vec::new();
-    for block in lines.chunks(5) {
-        let (at, head) = &block[0];
-        if head.len() < 2 || block.len() < 5 {
-            return Err(parse(path, *at, "a pair is a line with two numbers and four of a pose"));
-        }
+    let (mut pairs, mut line) = (Vec::new(), 0);
+    while let Some((at, head)) = numbers(path, &mut reader, &mut line)? {
         let mut matrix = [[0.0; 4]; 4];
-        for (row, (line, words)) in matrix.iter_mut().zip(&block[1..]) {
+        for row in &mut matrix {
+            let next = numbers(path, &mut reader, &mut line)?.filter(|_| head.len() >= 2);
+            let (line, words) = next.ok_or_else(|| {
+                parse(path, at, "a pair is a line with two numbers and four of a pose")
+            })?;
             *row = words[..]
                 .try_into()
-                .map_err(|_| parse(path, *line, "a row of a pose has four numbers"))?;
+                .map_err(|_| parse(path, line, "a row of a pose has four numbers"))?;
         }
         pairs.push(Pair {
             dataset: scene.into(),
@@ -196,7 +219,7 @@ fn log(path: &Path, text: &str) -> Result<Vec<Pair>> {
             target: file(head[0]),
             truth: Some(
                 Transform::from_matrix(matrix)
-                    .map_err(|error| parse(path, *at, error.to_string()))?,
+                    .map_err(|error| parse(path, at, error.to_string()))?,
             ),
             overlap: None,
             unit: 1.0,
@@ -258,7 +281,7 @@ mod tests {
     #[test]
     fn a_log_is_the_set_that_its_folder_is_called() {
         let text = "0 2 60\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
-        let first = |path: &str| log(Path::new(path), text).unwrap().remove(0);
+        let first = |path: &str| log(Path::new(path), text.as_bytes()).unwrap().remove(0);
         let pair = first("rooms/kitchen-evaluation/gt.log");
         assert_eq!(pair.dataset, "kitchen");
         assert_eq!(pair.source, Path::new("rooms/kitchen/cloud_bin_2.ply"));

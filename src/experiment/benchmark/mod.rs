@@ -181,7 +181,7 @@ fn one(
     let mut row = Row::new(pair, name, rule, seconds);
     match found {
         Ok(found) => {
-            row.accepted = found.trusted;
+            row.accepted = found.is_usable();
             let verdict = verdict(&found);
             row.ambiguous = verdict.is_some_and(|verdict| verdict.decision == Decision::Ambiguous);
             row.probability = verdict.map(|verdict| verdict.probability);

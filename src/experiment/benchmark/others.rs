@@ -8,6 +8,9 @@ use super::{Clouds, Pair, Row, Rule, Settings};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 
+/// Most programs that are compared at once. Chosen by hand.
+const PROGRAMS: usize = 1000;
+
 /// What another program found.
 struct Answer {
     method: String,
@@ -37,34 +40,38 @@ impl Poses {
     /// [`Error::Io`]; [`Error::Parse`] with the line that cannot be understood, or the first one
     /// whose pair is not listed: it would count nowhere.
     pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<Poses> {
-        let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, error))?;
         let listed: HashSet<[&Path; 2]> =
             listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
         let mut poses = Poses::default();
         let (mut rows, mut strangers, mut first) = (0, 0, None);
-        for row in Table::read(path, &text)? {
-            let row = row?;
+        let mut row = Table::open(path)?;
+        while row.next()? {
             let names = ["source", "target"].map(|name| row.word(name));
             let key = names.map(|name| folder.join(name));
             rows += 1;
             if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
                 let answer = Answer::of(&row)?;
+                let bytes = key.each_ref().map(|path| path.as_os_str().len()).iter().sum::<usize>();
+                row.take(2 * size_of::<Answer>() + answer.method.len() + bytes)?;
                 if !poses.methods.contains(&answer.method) {
+                    if poses.methods.len() == PROGRAMS {
+                        return Err(row.wrong(format!("there are more than {PROGRAMS} methods")));
+                    }
                     poses.methods.push(answer.method.clone());
                 }
                 poses.found.entry(key).or_default().push(answer);
             } else {
                 strangers += 1;
-                first.get_or_insert(row);
+                first.get_or_insert_with(|| (row.line(), names.map(String::from)));
             }
         }
-        let Some(row) = first else { return Ok(poses) };
-        let [source, target] = ["source", "target"].map(|name| row.word(name));
-        Err(row.wrong(format!(
+        let Some((line, [source, target])) = first else { return Ok(poses) };
+        let what = format!(
             "no listed pair has the source {source} and the target {target}; {strangers} of {rows} \
              rows are of none: write names as the list does, relative to its folder, or leave such \
              rows out"
-        )))
+        );
+        Err(Error::parse(path, Some(line), what))
     }
 
     /// Those of `pairs` for which a program has no row, by its name, where there are any.
@@ -112,7 +119,7 @@ impl Poses {
 }
 
 impl Answer {
-    fn of(row: &Table<'_>) -> Result<Answer> {
+    fn of(row: &Table) -> Result<Answer> {
         let pose = row.pose()?;
         let accepted = match row.word("accepted") {
             "" => pose.is_some(),

@@ -1,0 +1,277 @@
+//! Parquet: the only place that names the crate.
+//!
+//! A file is not believed. The crate reserves what footers and headers of pages claim, and a claim
+//! of 599 bytes may be of 844 TB: footer and headers are read and weighed here ([`footer`],
+//! [`pages`]), columns that nobody asked for are not looked at, and the crate decodes pages that
+//! are known to be what they say. A panic within it is an [`Error`] and prints nothing.
+
+mod footer;
+mod pages;
+mod thrift;
+mod write;
+
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::basic::{Repetition, Type as Encoded};
+use parquet::column::reader::ColumnReaderImpl;
+use parquet::data_type::{
+    BoolType, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
+};
+use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
+use serde_json::Value;
+
+use self::footer::{Footer, Leaf, Physical};
+use self::pages::Pages;
+pub(super) use self::write::write;
+use super::{Row, panics};
+use crate::error::{Error, Result};
+use crate::io::guard::Budget;
+
+/// Under which a file has what its run was asked for.
+const KEY: &str = "cfreg";
+/// Most rows that are decoded at once, and bytes that their texts may take.
+const AT_ONCE: usize = 1024;
+const TEXTS: usize = 8 << 20;
+/// Most bytes of a text. Chosen by hand: names and reasons are some hundred bytes long.
+const TEXT: usize = 1 << 20;
+
+/// Calls `take` with the number (from 1) and the two `columns` of each row.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet or has no such columns of text.
+pub(super) fn pairs(
+    path: &Path,
+    columns: [&str; 2],
+    mut take: impl FnMut(usize, [&str; 2]) -> Result<()>,
+) -> Result<()> {
+    guarded(path, |table| {
+        let mut table = table.open(&columns)?;
+        for (wanted, name) in columns.iter().enumerate() {
+            match table.footer.leaf(wanted) {
+                None => return Err(wrong(path, format!("no column {name}"))),
+                Some(leaf) if leaf.physical != Some(Physical::Text) => {
+                    return Err(wrong(path, format!("the column {name} is not of strings")));
+                }
+                Some(_) => {}
+            }
+        }
+        table.each(|number, cells| {
+            let text = |wanted: usize| match cells(wanted) {
+                Some(Value::String(text)) => text.as_str(),
+                _ => "",
+            };
+            take(number, [text(0), text(1)])
+        })
+    })
+}
+
+/// Calls `take` with the number (from 1) and the cells of each row, by the names of their columns.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet.
+pub(super) fn rows(
+    path: &Path,
+    mut take: impl FnMut(usize, &dyn Fn(&str) -> Option<Value>) -> Result<()>,
+) -> Result<()> {
+    guarded(path, |table| {
+        let row = Row::default();
+        let cells = row.cells(true);
+        let names: Vec<&str> = cells.iter().map(|(name, _)| name.as_str()).collect();
+        let wanted: HashMap<&str, usize> = names.iter().copied().zip(0..).collect();
+        table.open(&names)?.each(|number, cells| {
+            take(number, &|name| cells(*wanted.get(name)?).cloned())
+        })
+    })
+}
+
+/// What a run wrote into its file of what it was asked for.
+///
+/// # Errors
+/// Those of [`rows`].
+pub(super) fn asked_for(path: &Path) -> Result<Option<Value>> {
+    guarded(path, |table| {
+        let fact = table.open(&[])?.footer.fact;
+        Ok(fact.and_then(|fact| serde_json::from_str(&fact).ok()))
+    })
+}
+
+/// Calls `work` with a file. The crate is not proof against every file that was made to break it.
+fn guarded<T>(path: &Path, work: impl FnOnce(Closed<'_>) -> Result<T>) -> Result<T> {
+    let failed = |error| Error::io(path, error);
+    let facts = fs::metadata(path).map_err(failed)?;
+    if !facts.is_file() {
+        // Its end, where the footer is, must be known.
+        let what = if facts.is_dir() { "is a directory" } else { "is not a regular file" };
+        return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, what)));
+    }
+    let file = File::open(path).map_err(failed)?;
+    panics::caught(|| work(Closed { path, file, size: facts.len() }))
+        .unwrap_or_else(|_| Err(unreadable(path, "the decoder fails on it".into())))
+}
+
+fn unreadable(path: &Path, what: String) -> Error {
+    wrong(path, format!("is not Parquet that can be read: {what}"))
+}
+
+fn wrong(path: &Path, what: String) -> Error {
+    Error::parse(path, None, what)
+}
+
+/// A file whose footer is not read yet.
+struct Closed<'a> {
+    path: &'a Path,
+    file: File,
+    size: u64,
+}
+
+impl<'a> Closed<'a> {
+    fn open(mut self, wanted: &[&str]) -> Result<Table<'a>> {
+        let path = self.path;
+        let footer = Footer::read(&mut self.file, self.size, wanted, KEY)
+            .map_err(|error| Error::io(path, error))?
+            .map_err(|what| unreadable(path, what))?;
+        let named = |leaf: &Leaf| wanted[leaf.wanted].to_string();
+        if let Some(other) = footer.leaves.iter().find(|leaf| leaf.physical.is_none()) {
+            let what = format!("the column {} has values of another kind", named(other));
+            return Err(wrong(path, what));
+        }
+        let names = footer.leaves.iter().map(named).collect();
+        Ok(Table { path, file: self.file, footer, names, budget: Budget::new(self.size) })
+    }
+}
+
+/// A file with the columns that are wanted.
+struct Table<'a> {
+    path: &'a Path,
+    file: File,
+    footer: Footer,
+    /// Of the columns that are there.
+    names: Vec<String>,
+    budget: Budget,
+}
+
+impl Table<'_> {
+    /// Calls `take` with the number (from 1) of each row, and what gives its cell in a wanted
+    /// column.
+    fn each<'c>(
+        &mut self,
+        mut take: impl for<'r> FnMut(usize, &'r dyn Fn(usize) -> Option<&'r Value>) -> Result<()>,
+    ) -> Result<()> {
+        let path = self.path;
+        let groups = std::mem::take(&mut self.footer.groups);
+        let mut number = 0;
+        for group in groups {
+            let mut budget = self.budget;
+            let (mut columns, mut longest) = (Vec::new(), 0);
+            for ((leaf, chunk), name) in
+                self.footer.leaves.iter().zip(&group.chunks).zip(&self.names)
+            {
+                let refuse = |what| unreadable(path, format!("column {name}: {what}"));
+                let mut bytes = vec![0; chunk.length];
+                let failed = |error| Error::io(path, error);
+                self.file.seek(SeekFrom::Start(chunk.start)).map_err(failed)?;
+                self.file.read_exact(&mut bytes).map_err(failed)?;
+                let physical = leaf.physical.unwrap_or(Physical::Text);
+                let pages =
+                    Pages::new(bytes.into(), chunk.snappy, group.rows, physical, leaf.optional);
+                let pages = pages.map_err(refuse)?;
+                budget.take(pages.memory()).map_err(refuse)?;
+                if physical == Physical::Text {
+                    longest = longest.max(pages.largest().min(TEXT));
+                }
+                columns.push(column(leaf, physical, pages).map_err(refuse)?);
+            }
+            let most = (TEXTS / longest.max(1)).clamp(8, AT_ONCE);
+            let mut left = group.rows;
+            while left > 0 {
+                let count = most.min(usize::try_from(left).unwrap_or(most));
+                let mut cells: Vec<Option<Vec<Value>>> = vec![None; 128];
+                for ((leaf, column), name) in
+                    self.footer.leaves.iter().zip(&mut columns).zip(&self.names)
+                {
+                    let refuse = |what| unreadable(path, format!("column {name}: {what}"));
+                    if cells.len() <= leaf.wanted {
+                        cells.resize(leaf.wanted + 1, None);
+                    }
+                    cells[leaf.wanted] = Some(column(count).map_err(refuse)?);
+                }
+                for row in 0..count {
+                    number += 1;
+                    let cell = |wanted: usize| cells.get(wanted)?.as_ref()?.get(row);
+                    take(number, &cell)?;
+                }
+                left -= count as u64;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads so many values of a column, the next ones.
+type Column = Box<dyn FnMut(usize) -> std::result::Result<Vec<Value>, String>>;
+
+fn column(
+    leaf: &Leaf,
+    physical: Physical,
+    pages: Pages,
+) -> std::result::Result<Column, String> {
+    let unsigned = leaf.unsigned;
+    let optional = leaf.optional;
+    match physical {
+        Physical::Flag => values::<BoolType>(optional, pages, |&flag| Ok(flag.into())),
+        Physical::Int32 => values::<Int32Type>(optional, pages, move |&number| {
+            Ok(if unsigned { (number as u32).into() } else { number.into() })
+        }),
+        Physical::Int64 => values::<Int64Type>(optional, pages, move |&number| {
+            Ok(if unsigned { (number as u64).into() } else { number.into() })
+        }),
+        Physical::Float => {
+            values::<FloatType>(optional, pages, |&number| Ok(f64::from(number).into()))
+        }
+        Physical::Double => values::<DoubleType>(optional, pages, |&number| Ok(number.into())),
+        Physical::Text => values::<ByteArrayType>(optional, pages, |bytes| {
+            let bytes = bytes.data();
+            if bytes.len() > TEXT {
+                return Err(format!("a text of {} bytes", bytes.len()));
+            }
+            let text = std::str::from_utf8(bytes).map_err(|_| "what is no UTF-8 text")?;
+            Ok(text.into())
+        }),
+    }
+}
+
+fn values<D: DataType>(
+    optional: bool,
+    pages: Pages,
+    make: impl Fn(&D::T) -> std::result::Result<Value, String> + 'static,
+) -> std::result::Result<Column, String>
+where
+    ColumnReaderImpl<D>: 'static,
+{
+    let repetition = if optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
+    let physical: Encoded = D::get_physical_type();
+    let leaf = Type::primitive_type_builder("", physical).with_repetition(repetition).build();
+    let leaf = Arc::new(leaf.map_err(|error| error.to_string())?);
+    let path = ColumnPath::new(Vec::new());
+    let leaf = Arc::new(ColumnDescriptor::new(leaf, i16::from(optional), 0, path));
+    let mut reader = ColumnReaderImpl::<D>::new(leaf, Box::new(pages));
+    Ok(Box::new(move |count| {
+        let (mut there, mut found) = (Vec::new(), Vec::new());
+        let (read, ..) = reader
+            .read_records(count, optional.then_some(&mut there), None, &mut found)
+            .map_err(|error| error.to_string())?;
+        if read != count {
+            return Err("has fewer values than rows".into());
+        }
+        let mut found = found.iter();
+        let mut next = || found.next().map_or(Ok(Value::Null), &make);
+        match optional {
+            true => there.iter().map(|&there| if there == 0 { Ok(Value::Null) } else { next() }).collect(),
+            false => (0..count).map(|_| next()).collect(),
+        }
+    }))
+}

@@ -1,0 +1,218 @@
+//! Thrift's compact protocol, in which Parquet has its footer and the headers of its pages: read
+//! from bytes that are there, so that no length is believed and nothing is reserved.
+
+/// What is wrong with the bytes.
+pub(super) type Result<T> = std::result::Result<T, String>;
+
+/// Structs within structs that are followed. Those of Parquet are six deep.
+const DEEPEST: usize = 24;
+
+/// What a value is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Flag(bool),
+    Byte,
+    Integer,
+    Double,
+    Binary,
+    List,
+    Map,
+    Struct,
+    Uuid,
+}
+
+/// Bytes, and how far they are read.
+pub(super) struct Thrift<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    depth: usize,
+}
+
+impl<'a> Thrift<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Thrift<'a> {
+        Thrift { bytes, at: 0, depth: 0 }
+    }
+
+    /// How many bytes were read.
+    pub(super) fn at(&self) -> usize {
+        self.at
+    }
+
+    fn bytes(&mut self, count: u64) -> Result<&'a [u8]> {
+        let left = &self.bytes[self.at..];
+        let count = usize::try_from(count).ok().filter(|&count| count <= left.len());
+        let count = count.ok_or("it ends too early")?;
+        self.at += count;
+        Ok(&left[..count])
+    }
+
+    fn byte(&mut self) -> Result<u8> {
+        Ok(self.bytes(1)?[0])
+    }
+
+    /// A whole number without a sign.
+    pub(super) fn varint(&mut self) -> Result<u64> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            value |= u64::from(byte & 0x7f) << shift;
+            if byte < 0x80 {
+                return Ok(value);
+            }
+        }
+        Err("it has a number of more than 64 bits".into())
+    }
+
+    /// A whole number.
+    pub(super) fn integer(&mut self) -> Result<i64> {
+        let value = self.varint()?;
+        Ok((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    /// A text or other bytes.
+    pub(super) fn binary(&mut self) -> Result<&'a [u8]> {
+        let count = self.varint()?;
+        self.bytes(count)
+    }
+
+    /// Calls `take` for each element of a list, which it is to read.
+    pub(super) fn list(
+        &mut self,
+        mut take: impl FnMut(&mut Self, Kind) -> Result<()>,
+    ) -> Result<()> {
+        let head = self.byte()?;
+        let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
+        // Each element has a byte at least.
+        if count > (self.bytes.len() - self.at) as u64 {
+            return Err(format!("it claims a list of {count}, for which there are no bytes"));
+        }
+        let kind = element(head & 15)?;
+        (0..count).try_for_each(|_| take(self, kind))
+    }
+
+    /// Calls `take` for each field of a struct, by its number; what it does not read, for which it
+    /// gives `false`, is skipped.
+    pub(super) fn fields(
+        &mut self,
+        mut take: impl FnMut(&mut Self, i64, Kind) -> Result<bool>,
+    ) -> Result<()> {
+        if self.depth == DEEPEST {
+            return Err("its structs are nested too deeply".into());
+        }
+        self.depth += 1;
+        let mut number = 0;
+        loop {
+            let head = self.byte()?;
+            if head == 0 {
+                self.depth -= 1;
+                return Ok(());
+            }
+            number = if head >> 4 == 0 { self.integer()? } else { number + i64::from(head >> 4) };
+            let kind = match head & 15 {
+                1 => Kind::Flag(true),
+                2 => Kind::Flag(false),
+                other => element(other)?,
+            };
+            if !(1..=i64::from(i16::MAX)).contains(&number) {
+                return Err(format!("it has a field {number}"));
+            }
+            // Flags are in the head of their field.
+            if !take(self, number, kind)? && !matches!(kind, Kind::Flag(_)) {
+                self.skip(kind)?;
+            }
+        }
+    }
+
+    /// Passes over an element of a list, or a field that is not a flag.
+    pub(super) fn skip(&mut self, kind: Kind) -> Result<()> {
+        match kind {
+            Kind::Flag(_) | Kind::Byte => self.byte().map(drop),
+            Kind::Integer => self.varint().map(drop),
+            Kind::Double => self.bytes(8).map(drop),
+            Kind::Uuid => self.bytes(16).map(drop),
+            Kind::Binary => self.binary().map(drop),
+            Kind::Struct => self.fields(|_, _, _| Ok(false)),
+            Kind::List => self.nested(|this| this.list(|this, kind| this.skip(kind))),
+            Kind::Map => self.nested(|this| {
+                let count = this.varint()?;
+                if count == 0 {
+                    return Ok(());
+                }
+                let kinds = this.byte()?;
+                let [key, value] = [element(kinds >> 4)?, element(kinds & 15)?];
+                (0..count).try_for_each(|_| {
+                    this.skip(key)?;
+                    this.skip(value)
+                })
+            }),
+        }
+    }
+
+    fn nested(&mut self, read: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        if self.depth == DEEPEST {
+            return Err("its lists are nested too deeply".into());
+        }
+        self.depth += 1;
+        read(self)?;
+        self.depth -= 1;
+        Ok(())
+    }
+}
+
+fn element(code: u8) -> Result<Kind> {
+    Ok(match code {
+        1 | 2 => Kind::Flag(true),
+        3 => Kind::Byte,
+        4..=6 => Kind::Integer,
+        7 => Kind::Double,
+        8 => Kind::Binary,
+        9 | 10 => Kind::List,
+        11 => Kind::Map,
+        12 => Kind::Struct,
+        13 => Kind::Uuid,
+        _ => return Err(format!("it has a value of the unknown kind {code}")),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_read_and_others_skipped() {
+        // 1: i32 -3, 2: list of two texts, 7: true, 8: struct with a binary, end.
+        let bytes = [0x15, 5, 0x19, 0x28, 1, b'a', 0, 0x51, 0x1c, 0x18, 2, b'x', b'y', 0, 0, 9];
+        let mut thrift = Thrift::new(&bytes);
+        let (mut number, mut flag) = (0, false);
+        let read = thrift.fields(|thrift, field, kind| match (field, kind) {
+            (1, Kind::Integer) => {
+                number = thrift.integer()?;
+                Ok(true)
+            }
+            (7, Kind::Flag(value)) => {
+                flag = value;
+                Ok(true)
+            }
+            _ => Ok(false),
+        });
+        assert_eq!((read, number, flag, thrift.at()), (Ok(()), -3, true, 15));
+    }
+
+    #[test]
+    fn claims_without_bytes_are_refused() {
+        let read = |bytes: &[u8]| Thrift::new(bytes).fields(|_, _, _| Ok(false));
+        for bytes in [
+            &[0x19, 0xf8, 0xff, 0xff, 0xff, 0x0f, 0][..],
+            &[0x18, 0xff, 0xff, 0xff, 0x0f, 0],
+            &[0x16, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0],
+            &[0x1e, 0],
+            &[0x15],
+            &[],
+        ] {
+            assert!(read(bytes).is_err(), "{bytes:?}");
+        }
+        // Structs, and lists, within each other for a megabyte.
+        assert!(read(&[0x1c; 1 << 20]).unwrap_err().contains("deep"));
+        assert!(read(&[&[0x19][..], &[0x19; 1 << 20]].concat()).unwrap_err().contains("deep"));
+    }
+}

@@ -1,0 +1,193 @@
+//! How much of a file is read, and how much memory what is in it may take.
+//!
+//! Lists, tables and JSON may be of any length, come from a pipe, or be something else by
+//! mistake. A stream is read up to [`STREAM`] bytes, one record up to [`RECORD`], and what is made
+//! of a file may take [`FACTOR`] times its size and [`FREE`] bytes.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, ErrorKind, Read};
+use std::path::Path;
+
+use super::fault::Fault;
+use crate::error::{Error, Result};
+
+/// Most bytes of what has no size: a pipe or a device. Chosen by hand: a list of half a million
+/// pairs is shorter.
+pub(crate) const STREAM: u64 = 64 << 20;
+/// Most bytes of one row or line. Chosen by hand: a header of 70,000 columns is 1 MB.
+pub(crate) const RECORD: usize = 16 << 20;
+/// Most bytes of one JSON document or matrix. Chosen by hand: `cfreg register --json` prints
+/// some kilobytes, with a trace some megabytes.
+pub(crate) const DOCUMENT: u64 = 64 << 20;
+/// Bytes of memory for each byte of a file. Chosen by hand, as clouds have it.
+const FACTOR: u64 = 10;
+/// Bytes of memory beside those. Chosen by hand: rows that only say why there is no answer are
+/// short as Parquet, and this has room for a quarter of a million of them.
+const FREE: u64 = 256 << 20;
+
+/// An open file: a regular one, or a stream of which no more than [`STREAM`] bytes are read.
+#[derive(Debug)]
+pub(crate) struct Guarded {
+    file: File,
+    /// Bytes that may still be read of a stream; `None` for a regular file.
+    left: Option<u64>,
+    size: u64,
+}
+
+impl Guarded {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`], for a folder too.
+    pub(crate) fn open(path: &Path) -> Result<Guarded> {
+        let failed = |error| Error::io(path, error);
+        let facts = fs::metadata(path).map_err(failed)?;
+        if facts.is_dir() {
+            return Err(failed(ErrorKind::IsADirectory.into()));
+        }
+        let file = File::open(path).map_err(failed)?;
+        let regular = facts.is_file();
+        let size = if regular { facts.len() } else { STREAM };
+        Ok(Guarded { file, left: (!regular).then_some(STREAM), size })
+    }
+
+    /// What may be made of the file.
+    pub(crate) fn budget(&self) -> Budget {
+        Budget::new(self.size)
+    }
+}
+
+impl Read for Guarded {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let Some(left) = self.left else { return self.file.read(buffer) };
+        if left == 0 {
+            // One byte more than there may be.
+            return match self.file.read(&mut [0])? {
+                0 => Ok(0),
+                _ => Err(too_large(format!(
+                    "is a stream of more than {}: write it to a file first, if it has an end",
+                    mebibytes(STREAM)
+                ))),
+            };
+        }
+        let most = buffer.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        let read = self.file.read(&mut buffer[..most])?;
+        self.left = Some(left - read as u64);
+        Ok(read)
+    }
+}
+
+/// The bytes of a file that has at most `most` of them.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Parse`] for a larger file.
+pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let mut content = Vec::new();
+    let mut file = Guarded::open(path)?.take(most + 1);
+    file.read_to_end(&mut content).map_err(|error| Error::io(path, error))?;
+    if content.len() as u64 > most {
+        let what = format!(
+            "has more than {}, the most that is read of such a file: is it the right one?",
+            mebibytes(most)
+        );
+        return Err(Fault::new(what).within(path));
+    }
+    Ok(content)
+}
+
+/// The text of a file that has at most `most` bytes.
+///
+/// # Errors
+/// As [`bytes`], and [`Error::Parse`] for what is not UTF-8.
+#[cfg(any(feature = "batch", feature = "figures"))]
+pub(crate) fn text(path: &Path, most: u64) -> Result<String> {
+    String::from_utf8(bytes(path, most)?).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        Fault::byte(at, "is not UTF-8 text").within(path)
+    })
+}
+
+/// Reads the next line, its end included, into `line`; whether there was one.
+///
+/// # Errors
+/// Those of reading, and for a line of more than [`RECORD`] bytes.
+#[cfg(any(feature = "batch", feature = "figures"))]
+pub(crate) fn line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
+    line.clear();
+    reader.take(RECORD as u64 + 1).read_until(b'\n', line)?;
+    if line.len() > RECORD {
+        return Err(too_large(format!("has a line of more than {}", mebibytes(RECORD as u64))));
+    }
+    Ok(!line.is_empty())
+}
+
+pub(super) fn too_large(what: String) -> io::Error {
+    io::Error::new(ErrorKind::FileTooLarge, what)
+}
+
+/// A number of bytes as messages have it.
+pub(crate) fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", bytes >> 20)
+}
+
+/// The memory that what is made of a file may take.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Budget {
+    most: u64,
+    left: u64,
+}
+
+impl Budget {
+    /// For a file of that many bytes.
+    pub(crate) fn new(size: u64) -> Budget {
+        let most = size.saturating_mul(FACTOR).saturating_add(FREE);
+        Budget { most, left: most }
+    }
+
+    /// Takes so many bytes of it.
+    ///
+    /// # Errors
+    /// When there are not that many.
+    pub(crate) fn take(&mut self, bytes: usize) -> Result<(), String> {
+        self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| {
+            format!(
+                "takes more memory than such a file should, {}: it is damaged, or holds something \
+                 else; split it, if it is right",
+                mebibytes(self.most)
+            )
+        })?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_end() {
+        let mut budget = Budget::new(1 << 20);
+        budget.take(266 << 20).unwrap();
+        assert!(budget.take(1).unwrap_err().contains("266 MiB"));
+        assert!(Budget::new(u64::MAX).take(usize::MAX).is_ok());
+    }
+
+    #[test]
+    fn a_document_has_a_most() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        fs::write(&path, [b'x'; 9]).unwrap();
+        assert_eq!(bytes(&path, 9).unwrap().len(), 9);
+        assert!(bytes(&path, 8).unwrap_err().to_string().contains("more than"));
+    }
+
+    #[cfg(all(unix, any(feature = "batch", feature = "figures")))]
+    #[test]
+    fn a_stream_without_end_is_refused() {
+        let said = text(Path::new("/dev/zero"), u64::MAX - 1).unwrap_err().to_string();
+        assert!(said.contains("stream of more than 64 MiB"), "{said}");
+        let mut endless = io::BufReader::new(Guarded::open(Path::new("/dev/zero")).unwrap());
+        let said = line(&mut endless, &mut Vec::new()).unwrap_err().to_string();
+        assert!(said.contains("line of more than 16 MiB"), "{said}");
+    }
+}

@@ -1,0 +1,102 @@
+//! Files that are written: under another name until they are whole, and never over an input.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+/// A new file in the folder of `path`, under a name that nobody has. It is gone with its value,
+/// unless it is renamed to `path` by [`NamedTempFile::persist`].
+pub(crate) fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".cfreg-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // Less what the user's mask takes away, as for any new file.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder(path))
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// What a file is, by whatever path and links one comes to it: its device and its number there.
+/// One that is not there yet is its name in its folder.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(crate) struct Identity(Place, Option<PathBuf>);
+
+#[cfg(unix)]
+type Place = (u64, u64);
+#[cfg(not(unix))]
+type Place = PathBuf;
+
+impl Identity {
+    /// `None` where not even the folder is there.
+    pub(crate) fn of(path: &Path) -> Option<Identity> {
+        match Identity::place(path) {
+            Some(place) => Some(Identity(place, None)),
+            None => {
+                let name = path.file_name()?.into();
+                Some(Identity(Identity::place(folder(path))?, Some(name)))
+            }
+        }
+    }
+
+    #[cfg(unix)]
+    fn place(path: &Path) -> Option<Place> {
+        use std::os::unix::fs::MetadataExt;
+        fs::metadata(path).ok().map(|facts| (facts.dev(), facts.ino()))
+    }
+
+    #[cfg(not(unix))]
+    fn place(path: &Path) -> Option<Place> {
+        fs::canonicalize(path).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_are_the_file_that_they_lead_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("within")).unwrap();
+        fs::write(at("a"), "").unwrap();
+        let of = |name: &str| Identity::of(&at(name)).unwrap();
+        assert_eq!((of("a"), of("new")), (of("within/../a"), of("within/../new")));
+        assert!(of("a") != of("within") && of("a") != of("new") && of("new") != of("within/new"));
+        assert_eq!(Identity::of(&at("none/new")), None);
+        #[cfg(unix)]
+        {
+            fs::hard_link(at("a"), at("hard")).unwrap();
+            std::os::unix::fs::symlink("a", at("soft")).unwrap();
+            assert_eq!((of("hard"), of("soft")), (of("a"), of("a")));
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_persisted_is_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let file = beside(&path).unwrap();
+        assert!(file.path().parent() == Some(folder.path()));
+        drop(file);
+        beside(&path).unwrap().persist(&path).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            fs::write(folder.path().join("usual"), "").unwrap();
+            let mode = |name: &str| {
+                fs::metadata(folder.path().join(name)).unwrap().permissions().mode()
+            };
+            assert_eq!(mode("a.csv"), mode("usual"));
+        }
+    }
+}
