@@ -69,6 +69,18 @@ pub enum Error {
         extent: f64,
     },
 
+    /// A finite coordinate that is too large to compute with.
+    #[error(
+        "point {index} has the coordinate {value:e}: coordinates within 1e75 of zero can be \
+         computed with, NaN marks points that are to be left out"
+    )]
+    Coordinate {
+        /// The point, from 0, in the order in which points were given.
+        index: usize,
+        /// The first of its coordinates that is too large.
+        value: f64,
+    },
+
     /// No connection has any weight, so there is nothing to solve.
     #[error(
         "no connection has any weight: nothing is alike, or near enough under the pose to start \

@@ -27,5 +27,5 @@ pub mod search;
 pub mod visibility;
 pub mod weight;
 
-pub use cloud::{Channels, Descriptors, Mesh, PointCloud, Transform};
+pub use cloud::{Channels, ColorDepth, Descriptors, Mesh, PointCloud, Transform};
 pub use error::{Error, Result};

@@ -6,7 +6,7 @@ mod common;
 use std::fs;
 
 use cfreg::{Error, io};
-use common::files::ENCODINGS;
+use common::files::{ENCODINGS, file};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use tempfile::tempdir;
@@ -261,7 +261,7 @@ fn text_files() {
         ("a.pts", b"3\n1 2 3\n4 5 6\n", &["line 1", "claims 3 points", "has 2"]),
         ("a.pts", b"-3\n1 2 3\n", &["line 1", "\"-3\""]),
         ("a.txt", b"1 2 3\n1 \xff 3\n", &["byte 8", "UTF-8"]),
-        ("a.txt", b"0 0 0\n1e200 0 0\n", &["span 1e200", "stray"]),
+        ("a.txt", b"0 0 0\n1e74 0 0\n", &["span 1e74", "stray"]),
         ("a.txt", b"", &["is empty"]),
         ("a.bin", b"\x01\0\x02", &["neither PLY nor PCD nor text"]),
     ];
@@ -276,6 +276,64 @@ fn text_files() {
     let path = folder.path().join("long.xyz");
     fs::write(&path, format!("1 2 {long}\n")).unwrap();
     assert!(io::read(&path).unwrap_err().to_string().len() < 300);
+}
+
+#[test]
+fn coordinates_too_large_to_compute_with() {
+    let huge = [[0.0, 1.0, 2.0], [f64::NAN, 1e308, 0.0], [1.0, 2.0, -1e308]];
+    for encoding in ENCODINGS {
+        let name = format!("a.{}", encoding.extension());
+        let content = encoding.encode(&huge, None);
+        let text = String::from_utf8_lossy(&content).into_owned();
+        let place = match text.split_once("end_header\n").or(text.split_once("DATA ascii\n")) {
+            Some((header, rest)) if rest.is_ascii() => {
+                format!("line {}", header.lines().count() + 4)
+            }
+            None if name != "a.pcd" => "line 4".into(),
+            _ => "byte".into(),
+        };
+        let both = ["z is -1e308", "1e75", place.as_str()];
+        assert_refused(&name, &content, &both);
+        let one = encoding.encode(&[[1e308, 0.0, 0.0]], None);
+        assert_refused(&name, &one, &["x is 1e308"]);
+        // A row that is left out anyway may have any.
+        let (_folder, path) = file(&name, encoding.encode(&huge[..2], None));
+        assert_eq!(io::read(path).unwrap().dropped(), 1);
+    }
+    let viewpoint = pcd("VIEWPOINT", "VIEWPOINT 0 1e76 0 1 0 0 0", "ascii", b"1 2 3\n4 5 6\n");
+    assert_refused("a.pcd", &viewpoint, &["line 8", "VIEWPOINT has 1e76"]);
+    let mesh = vertices("3") + "element face 1\nproperty list uchar int vertex_indices\n";
+    let (_folder, path) =
+        file("mesh.ply", ply("ascii", &mesh, b"0 0 0\n1 0 0\n0 1e90 0\n3 0 1 2\n"));
+    let error = io::read_mesh(path).unwrap_err().to_string();
+    assert!(error.contains("line 12") && error.contains("y is 1e90"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_are_read_up_to_a_limit() {
+    use std::io::Write;
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("pipe.xyz");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    let written = |line: &'static [u8], times: usize| {
+        let path = path.clone();
+        std::thread::spawn(move || {
+            let mut pipe = fs::OpenOptions::new().write(true).open(path).unwrap();
+            let lines = line.repeat((1 << 20) / line.len());
+            // Who reads may have seen enough.
+            (0..times).take_while(|_| pipe.write_all(&lines).is_ok()).count()
+        })
+    };
+    let writer = written(b"1 2 3\n4 5 6\n", 1);
+    let cloud = io::read(&path).unwrap();
+    writer.join().unwrap();
+    assert_eq!(cloud.len(), (1 << 20) / 12 * 2);
+    // One that has no end.
+    let writer = written(b"1 2 3\n", usize::MAX);
+    let error = io::read(&path).unwrap_err().to_string();
+    assert!(error.contains("268435456 bytes") && error.contains("pipe.xyz"), "{error}");
+    assert!(writer.join().unwrap() >= 255);
 }
 
 #[test]
@@ -294,6 +352,8 @@ fn pose_files() {
     ];
     let folder = tempdir().unwrap();
     let path = folder.path().join("pose.txt");
+    fs::write(&path, "1 ".repeat(3 << 20)).unwrap();
+    assert!(io::read_transform(&path).unwrap_err().to_string().contains("a pose is short"));
     for (content, parts) in cases {
         fs::write(&path, content).unwrap();
         let error = match io::read_transform(&path) {

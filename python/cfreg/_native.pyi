@@ -115,7 +115,9 @@ class PointCloud:
         normals: npt.NDArray[np.float32] | None,
         viewpoint: _Place | None,
         dropped: int,
-        has: tuple[npt.NDArray[np.float32] | None, dict[str, npt.NDArray[np.float32]]],
+        has: tuple[
+            npt.NDArray[np.float32] | None, dict[str, npt.NDArray[np.float32]], dict[str, int]
+        ],
     ) -> PointCloud: ...
 
 @final

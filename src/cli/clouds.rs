@@ -115,19 +115,13 @@ impl Convert {
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;
-        let mut cloud = reading::read(&self.input, &self.thinning, 0)?;
+        let read = reading::read_with_differences(&self.input, &self.thinning, 0)?;
+        let (mut cloud, differences) = read;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }
-        io::write(&self.output, &cloud)?;
+        reading::write(&self.output, &cloud, differences)?;
         say(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
-        let kept = self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("pcd"));
-        if let Some(at) = cloud.viewpoint().filter(|_| !kept) {
-            say(&format!(
-                "cfreg: only PCD keeps a viewpoint: register with --orientation {},{},{}\n",
-                at[0], at[1], at[2]
-            ));
-        }
         Ok(Outcome::Trusted)
     }
 }

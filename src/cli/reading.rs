@@ -8,17 +8,37 @@ use super::say;
 use crate::cloud::{PointCloud, Viewpoints};
 use crate::error::Result;
 use crate::filter::Thinning;
-use crate::io;
+use crate::io::{self, Differences};
 
 /// Reads `path` and thins it; `stream` keeps the samples of a pair independent.
 pub(super) fn read(path: &Path, thinning: &Thinning, stream: u64) -> Result<PointCloud> {
-    let cloud = io::read(path)?;
+    Ok(read_with_differences(path, thinning, stream)?.0)
+}
+
+/// The same, and what the cloud does not have of the file.
+pub(super) fn read_with_differences(
+    path: &Path,
+    thinning: &Thinning,
+    stream: u64,
+) -> Result<(PointCloud, Differences)> {
+    let (cloud, differences) = io::read_with_differences(path)?;
     if cloud.dropped() > 0 {
         let (path, dropped) = (path.display(), cloud.dropped());
         let what = "points with NaN or infinite coordinates";
         say(&format!("cfreg: {path}: left out {dropped} {what}\n"));
     }
-    thinning.apply(cloud, stream)
+    Ok((thinning.apply(cloud, stream)?, differences))
+}
+
+/// Writes `cloud` to `path`, and says in one line in what the file differs from what was read,
+/// which had these `differences` from its own file.
+pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -> Result<()> {
+    io::write(path, cloud)?;
+    let differences = differences.and(io::differences(path, cloud)?);
+    if !differences.is_empty() {
+        say(&format!("cfreg: {}: {differences}\n", path.display()));
+    }
+    Ok(())
 }
 
 /// The source and the target of a pair.

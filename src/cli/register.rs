@@ -64,6 +64,10 @@ impl Register {
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
             io::writable(path)?;
+            if self.source.exists() && !self.source.is_file() {
+                let rule = "reads the source once more, which must be a file for that";
+                return Err(Error::config("write-aligned", path.display(), rule));
+            }
         }
         self.pictures.check()?;
         let [report, figure] = self.pictures.outputs();
@@ -97,8 +101,8 @@ impl Register {
         }
         if let Some(path) = &self.write_aligned {
             let start = std::time::Instant::now();
-            let source: PointCloud = io::read(&self.source)?;
-            io::write(path, &source.transformed(&registration.transform)?)?;
+            let (source, differences) = io::read_with_differences(&self.source)?;
+            reading::write(path, &source.transformed(&registration.transform)?, differences)?;
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
         for doubt in &registration.doubts {

@@ -9,10 +9,10 @@ mod transform;
 mod viewpoints;
 mod visible;
 
-pub use channels::Channels;
+pub use channels::{Channels, ColorDepth};
 pub use descriptors::Descriptors;
 pub use mesh::{MOST_POINTS, Mesh};
-pub(crate) use point_cloud::check_weights;
 pub use point_cloud::{Attributes, Parts, PointCloud};
+pub(crate) use point_cloud::{check_weights, too_large, unit};
 pub use transform::Transform;
 pub use viewpoints::Viewpoints;

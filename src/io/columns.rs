@@ -1,62 +1,75 @@
 //! Which columns of a file hold what.
 
+use super::differences::{Differences, short};
 use super::fault::{Fault, shown};
 use super::lines::number;
+use super::names::{Names, channel_name};
+use crate::cloud::{Channels, ColorDepth};
 
 /// The numbers of a row: x, y, z, the normal, then what else there is, in the order of its columns.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Vertex(pub(super) [f64; 6], pub(super) Vec<f64>);
+pub(super) struct Vertex {
+    pub(super) place: [f64; 3],
+    pub(super) normal: [f64; 3],
+    pub(super) extras: Vec<f64>,
+    /// Which of [`COLORS`] are written otherwise than as a whole number, a bit each.
+    pub(super) decimal: u8,
+}
 
 impl Vertex {
     /// Keeps the `value` of a column called `name`.
     pub fn set(&mut self, name: &str, value: f64) {
         match slot(name) {
-            Some(slot) => self.0[slot] = value,
-            None => self.1.push(value),
+            Some(slot) => self.set_slot(slot, value),
+            None => self.extras.push(value),
         }
     }
+
+    fn set_slot(&mut self, slot: usize, value: f64) {
+        match slot.checked_sub(3) {
+            None => self.place[slot] = value,
+            Some(axis) => self.normal[axis] = value,
+        }
+    }
+
+    /// Forgets the row before.
+    fn clear(&mut self) {
+        self.extras.clear();
+        self.decimal = 0;
+    }
+}
+
+/// The columns that are colours, in the order of bits.
+pub(super) const COLORS: [&str; 4] = Channels::COLORS;
+
+/// Which of [`COLORS`] has this name, in any case.
+pub(super) fn color(name: &str) -> Option<usize> {
+    COLORS.iter().position(|color| color.eq_ignore_ascii_case(name))
 }
 
 /// What the numbers of a column beside positions and normals are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Kind {
-    /// Shares of a number: 1 for numbers that stand for themselves, 255 for bytes of colour.
-    Of(f64),
-    /// The bits of a whole number: blue in the lowest byte, then green and red.
-    Packed,
+    /// Numbers that stand for themselves.
+    Number,
+    /// Text called as one of [`COLORS`]: whole numbers may be colours, others are numbers.
+    Text(usize),
+    /// Whole numbers, the largest of which stands for 1.
+    Color(ColorDepth),
+    /// The bits of a whole number: blue in the lowest byte, then green and red, then opacity if
+    /// there is `alpha`.
+    Packed { alpha: bool },
     /// The same in the bits of a float.
-    PackedFloat,
+    PackedFloat { alpha: bool },
 }
 
 /// A column beside positions and normals.
 #[derive(Debug, Clone)]
 pub(super) struct Extra {
+    /// Of the channel that it becomes, or `weight`.
     pub(super) name: String,
     column: usize,
-    kind: Kind,
-}
-
-impl Extra {
-    /// The channels that the column is, by name: three of packed colours.
-    pub(super) fn channels(self, numbers: &[f64]) -> Vec<(String, Vec<f32>)> {
-        let byte = |shift: u32, bits: u32| (f64::from((bits >> shift) & 255) / 255.0) as f32;
-        let bits = |&x: &f64| match self.kind {
-            Kind::PackedFloat => (x as f32).to_bits(),
-            _ => x as i64 as u32,
-        };
-        match self.kind {
-            Kind::Of(whole) => {
-                let share = |x: &f64| (x / whole) as f32;
-                vec![(self.name, numbers.iter().map(share).collect())]
-            }
-            Kind::Packed | Kind::PackedFloat => [("red", 16), ("green", 8), ("blue", 0)]
-                .map(|(name, shift)| {
-                    let colour = |x: &f64| if x.is_nan() { f32::NAN } else { byte(shift, bits(x)) };
-                    (name.to_string(), numbers.iter().map(colour).collect())
-                })
-                .into(),
-        }
-    }
+    pub(super) kind: Kind,
 }
 
 /// What the columns of each slot of a [`Vertex`] are called, in any case.
@@ -74,119 +87,219 @@ pub(super) fn slot(name: &str) -> Option<usize> {
     SLOTS.iter().position(|names| names.iter().any(|slot| slot.eq_ignore_ascii_case(name)))
 }
 
+/// What a column is for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Use {
+    Slot(usize),
+    /// One of the extras.
+    Extra(usize),
+}
+
 /// Which columns hold the numbers of a [`Vertex`].
-#[derive(Debug, Clone)]
-pub(super) struct Columns([Option<usize>; 6], Vec<Extra>);
+#[derive(Debug, Clone, Default)]
+pub(super) struct Columns {
+    /// Columns and what they are for, ascending.
+    uses: Vec<(usize, Use)>,
+    extras: Vec<Extra>,
+    has_normals: bool,
+    differences: Differences,
+}
 
 impl Columns {
-    /// x, y, z first.
-    pub const XYZ: Columns = Columns([Some(0), Some(1), Some(2), None, None, None], Vec::new());
-    /// x, y, z first, then the normal.
-    pub const XYZ_NORMAL: Columns =
-        Columns([Some(0), Some(1), Some(2), Some(3), Some(4), Some(5)], Vec::new());
+    /// x, y, z first, then the normal if there is one.
+    pub fn plain(has_normals: bool) -> Columns {
+        let slots = if has_normals { 6 } else { 3 };
+        let uses = (0..slots).map(|slot| (slot, Use::Slot(slot))).collect();
+        Columns { uses, has_normals, ..Columns::default() }
+    }
 
     /// Finds the columns by their names; a normal counts when it is there in full.
-    /// Other columns that have a name are kept too. The error says which name is missing, or
-    /// there twice.
-    pub fn named<'a>(names: impl Iterator<Item = &'a str>) -> Result<Columns, String> {
-        let (mut columns, mut extras) = ([None; 6], Vec::new());
+    /// Other columns are extras, under the name of a channel that no other has; those called
+    /// `None` have no single number. The error says which name is missing, or there twice.
+    pub fn named<'a>(names: impl Iterator<Item = Option<&'a str>>) -> Result<Columns, String> {
+        let mut columns = Columns::default();
+        let mut slots = [None; 6];
+        let mut taken = Names::default();
         for (column, name) in names.enumerate() {
-            match slot(name) {
-                Some(slot) if columns[slot].replace(column).is_some() => {
+            let Some(name) = name else { continue };
+            if let Some(slot) = slot(name) {
+                if slots[slot].replace(column).is_some() {
                     return Err(format!("{} is there twice", SLOTS[slot][0]));
                 }
-                Some(_) => {}
-                None if name.is_empty() => {}
-                None => extras.push(Extra { name: name.into(), column, kind: Kind::Of(1.0) }),
+                columns.uses.push((column, Use::Slot(slot)));
+                continue;
             }
+            let is_weight = name.eq_ignore_ascii_case("weight");
+            let wanted = if is_weight { "weight".into() } else { channel_name(name, column) };
+            let own = taken.take(wanted);
+            if own != name && !(is_weight && own == "weight") {
+                columns.differences.rename(name, &own);
+            }
+            columns.uses.push((column, Use::Extra(columns.extras.len())));
+            columns.extras.push(Extra { name: own, column, kind: Kind::Number });
         }
-        if let Some(missing) = (0..3).find(|&slot| columns[slot].is_none()) {
+        if let Some(missing) = (0..3).find(|&slot| slots[slot].is_none()) {
             return Err(format!("there is no {}, expected x, y and z", SLOTS[missing][0]));
         }
-        if columns.contains(&None) {
-            columns[3..].fill(None);
+        columns.has_normals = !slots.contains(&None);
+        if !columns.has_normals {
+            columns.uses.retain(|(_, use_)| !matches!(use_, Use::Slot(3..)));
+            for slot in (3..6).filter(|&slot| slots[slot].is_some()) {
+                let name = SLOTS[slot][0];
+                columns.differences.leave_out(format!("{name}, which is a part of a normal"));
+            }
         }
-        Ok(Columns(columns, extras))
+        Ok(columns)
     }
 
     /// The same columns, the numbers of the others as `kind` says by name and column.
     pub fn of_kinds(mut self, kind: impl Fn(&str, usize) -> Kind) -> Columns {
-        for extra in &mut self.1 {
+        for extra in &mut self.extras {
             extra.kind = kind(&extra.name, extra.column);
         }
         self
     }
 
-    /// The kind of a column beside positions and normals.
-    pub fn kind(&self, column: usize) -> Option<Kind> {
-        self.1.iter().find(|extra| extra.column == column).map(|extra| extra.kind)
-    }
-
     /// The columns beside positions and normals.
     pub fn extras(&self) -> &[Extra] {
-        &self.1
+        &self.extras
     }
 
     /// Whether rows have a normal.
     pub fn has_normals(&self) -> bool {
-        self.0[3].is_some()
+        self.has_normals
     }
 
-    /// The same columns, each moved to where `place` says.
-    pub fn moved(&self, place: impl Fn(usize) -> Option<usize>) -> Columns {
-        let moved = |extra: &Extra| {
-            Some(Extra { column: place(extra.column)?, name: extra.name.clone(), kind: extra.kind })
-        };
-        let extras = self.1.iter().filter_map(moved).collect();
-        Columns(self.0.map(|column| column.and_then(&place)), extras)
+    /// In what the names of channels differ from those of the columns.
+    pub fn differences(&self) -> &Differences {
+        &self.differences
     }
 
-    /// The vertex whose numbers `value` gives column by column; of positions and normals all
-    /// must be there, of others a word that is no number is NaN.
-    pub fn vertex(&self, value: impl Fn(usize) -> Option<f64>) -> Option<Vertex> {
-        let mut vertex = Vertex::default();
-        for (slot, column) in self.0.iter().enumerate() {
-            if let Some(column) = *column {
-                vertex.0[slot] = value(column)?;
+    /// The same columns, each moved to where `place` says, which keeps their order.
+    pub fn moved(mut self, place: impl Fn(usize) -> usize) -> Columns {
+        self.uses.iter_mut().for_each(|(column, _)| *column = place(*column));
+        self.extras.iter_mut().for_each(|extra| extra.column = place(extra.column));
+        self
+    }
+
+    /// The three columns of positions.
+    pub fn places(&self) -> [usize; 3] {
+        let place = |slot| self.uses.iter().find(|(_, own)| *own == Use::Slot(slot));
+        [0, 1, 2].map(|slot| place(slot).map_or(0, |&(column, _)| column))
+    }
+
+    /// Fills `vertex` with the numbers that `value` gives column by column.
+    pub fn fill(&self, vertex: &mut Vertex, value: impl Fn(usize) -> f64) {
+        vertex.clear();
+        for &(column, own) in &self.uses {
+            match own {
+                Use::Slot(slot) => vertex.set_slot(slot, value(column)),
+                Use::Extra(_) => vertex.extras.push(value(column)),
             }
         }
-        vertex.1.extend(self.1.iter().map(|extra| value(extra.column).unwrap_or(f64::NAN)));
-        Some(vertex)
     }
 
-    /// The vertex written in the words of `line`.
-    pub fn parse(&self, words: &[&str], line: usize) -> Result<Vertex, Fault> {
-        self.vertex(|column| number(words.get(column)?)).ok_or_else(|| {
-            let faulty = self.0.iter().zip(SLOTS).find_map(|(column, [name, _])| {
-                let column = (*column)?;
-                Some(match words.get(column) {
-                    None => format!(
-                        "the line has {} columns, {name} is expected in column {}",
-                        words.len(),
-                        column + 1
-                    ),
-                    Some(word) if number(word).is_none() => {
-                        format!("{name} is {}, not a number", shown(word))
+    /// Fills `vertex` with the numbers in the words of `line`: those of positions and normals
+    /// must be there, of others a word that is no number is NaN.
+    pub fn parse<'a>(
+        &self,
+        vertex: &mut Vertex,
+        words: impl Iterator<Item = &'a str> + Clone,
+        line: usize,
+    ) -> Result<(), Fault> {
+        vertex.clear();
+        let (mut rest, mut next) = (words.clone(), 0);
+        for &(column, own) in &self.uses {
+            let word = rest.nth(column - next);
+            next = column + 1;
+            let value = word.and_then(number);
+            match (own, value) {
+                (Use::Slot(slot), Some(value)) => vertex.set_slot(slot, value),
+                (Use::Slot(slot), None) => {
+                    let name = SLOTS[slot][0];
+                    let what = match word {
+                        Some(word) => format!("{name} is {}, not a number", shown(word)),
+                        None => format!(
+                            "the line has {} columns, {name} is expected in column {next}",
+                            words.count()
+                        ),
+                    };
+                    return Err(Fault::line(line, what));
+                }
+                (Use::Extra(extra), value) => {
+                    if let Kind::Text(color) = self.extras[extra].kind
+                        && !word.is_some_and(|word| word.bytes().all(|c| c.is_ascii_digit()))
+                    {
+                        vertex.decimal |= 1 << color;
                     }
-                    Some(_) => return None,
-                })
-            });
-            Fault::line(line, faulty.unwrap_or_default())
-        })
+                    vertex.extras.push(value.unwrap_or(f64::NAN));
+                }
+            }
+        }
+        Ok(())
     }
+
+    /// The same, noting columns that have no name, up to `width`.
+    pub fn without_names(mut self, width: usize) -> Columns {
+        let named = self.uses.len();
+        match width.saturating_sub(named) {
+            0 => {}
+            1 => self.differences.leave_out(format!("column {width}, which has no name")),
+            _ => self
+                .differences
+                .leave_out(format!("columns {} to {width}, which have no names", named + 1)),
+        }
+        self
+    }
+}
+
+/// What is said of a column whose value in `row`, from 0, is no number that f32 holds.
+pub(super) fn no_number(name: &str, row: usize) -> String {
+    format!("{} (no finite number at point {row})", short(name))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn named(names: &str) -> Result<Columns, String> {
+        Columns::named(names.split(',').map(Some))
+    }
+
     #[test]
     fn columns_are_found_by_name() {
-        let columns = Columns::named(["i", "Z", "Y", "X", "normal_x", "NY", "nz"].into_iter());
-        assert_eq!(columns.unwrap().0, [3, 2, 1, 4, 5, 6].map(Some));
-        let half = Columns::named(["x", "y", "z", "nx"].into_iter()).unwrap();
-        assert!(!half.has_normals());
-        assert!(Columns::named(["x", "y", "X", "z"].into_iter()).unwrap_err().contains("x is"));
-        assert!(Columns::named(["x", "y"].into_iter()).unwrap_err().contains("no z"));
+        let columns = named("i,Z,Y,X,normal_x,NY,nz").unwrap();
+        assert_eq!(columns.places(), [3, 2, 1]);
+        let mut vertex = Vertex::default();
+        columns.fill(&mut vertex, |column| column as f64);
+        assert_eq!((vertex.place, vertex.normal), ([3.0, 2.0, 1.0], [4.0, 5.0, 6.0]));
+        assert_eq!(vertex.extras, [0.0]);
+        let half = named("x,y,z,nx").unwrap();
+        assert!(!half.has_normals() && half.differences().to_string().contains("nx"));
+        assert!(named("x,y,X,z").unwrap_err().contains("x is"));
+        assert!(named("x,y").unwrap_err().contains("no z"));
+    }
+
+    #[test]
+    fn names_that_no_channel_has_are_changed_and_noted() {
+        let columns = named("x,y,z,a b,,A_b,Weight,WEIGHT,glow").unwrap();
+        let own: Vec<&str> = columns.extras().iter().map(|extra| extra.name.as_str()).collect();
+        assert_eq!(own, ["a_b", "column_5", "A_b_2", "weight", "weight_2", "glow"]);
+        let noted = columns.differences().to_string();
+        let want = "changed: a b is called a_b, a column without a name is called column_5, \
+                    A_b is called A_b_2, WEIGHT is called weight_2";
+        assert_eq!(noted, want);
+    }
+
+    #[test]
+    fn whole_numbers_are_told_from_others() {
+        let columns = named("red,x,y,z,alpha,glow")
+            .unwrap()
+            .of_kinds(|name, _| color(name).map_or(Kind::Number, Kind::Text));
+        let mut vertex = Vertex::default();
+        for (line, decimal) in [("7 1 2 3 9 0.5", 0), ("7. 1 2 3 9 1", 1), ("7 1 2 3 -9 1", 8)] {
+            columns.parse(&mut vertex, line.split(' '), 1).unwrap();
+            assert_eq!((vertex.decimal, vertex.extras.len()), (decimal, 3), "{line}");
+        }
     }
 }

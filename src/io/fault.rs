@@ -4,6 +4,15 @@ use std::path::Path;
 
 use crate::error::Error;
 
+/// The longest header, or line of names, that is read, bytes.
+pub(super) const LONGEST_HEADER: usize = 1 << 20;
+
+/// The most memory that a file of `size` bytes may take when it says itself how much its content
+/// becomes: ten times as much, and 64 MiB, in which depth images have room that are nearly empty.
+pub(super) fn most_memory(size: usize) -> usize {
+    size.saturating_mul(10).saturating_add(64 << 20)
+}
+
 /// What is wrong with a file's content, and where; the path is added at the door.
 #[derive(Debug)]
 pub(super) struct Fault {

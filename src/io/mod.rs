@@ -1,26 +1,41 @@
 //! Clouds and poses in files.
 //!
 //! [`read`] takes PLY, PCD and text, told apart by content, [`read_mesh`] the faces of PLY
-//! too; [`write()`] goes by the extension. Coordinates pass through f64, so map coordinates stay exact; points
-//! with a NaN or infinite coordinate are left out and counted by
-//! [`PointCloud::dropped`].
+//! too; [`write()`] goes by the extension. Points with a NaN or infinite coordinate are left out
+//! and counted by [`PointCloud::dropped`]; a finite one beyond 1e75 is an error.
 //!
-//! A column called `weight` has the weights of the points; every other scalar that has a name
-//! becomes a channel ([`PointCloud::channels`]) as it is, but colours in bytes, and PCD's packed
-//! `rgb` and `rgba`, become `red`, `green` and `blue` from 0 to 1. A column with anything that is
-//! not a finite number at a point that is kept, or without the name of a channel, is skipped, as
-//! lists and faces are.
+//! A column called `weight` has the weights of the points; every other scalar becomes a channel
+//! ([`PointCloud::channels`]) as it is, rounded to f32. Colours do from 0 to 1, and files get whole
+//! numbers again: `red`, `green`, `blue` and `alpha` in one byte or two of PLY, packed into `rgb`
+//! or `rgba` of PCD, and as whole numbers in text, where all of red, green and blue are. A column
+//! with anything that is not a finite number at a point that is there is skipped, as lists and
+//! faces are; [`read_with_differences`] says so.
 //!
-//! A file is not believed: a count in a header is weighed against the bytes that
+//! | | holds | changes |
+//! |---|---|---|
+//! | PLY | colours of 8 and 16 bits | names but letters, digits, `_`, `-`; no viewpoint |
+//! | PCD | viewpoints, colours of 8 bits | names but ASCII; no viewpoint at 0 0 0 |
+//! | text | colours where red, green and blue are of one depth | no viewpoint; .csv: no digit first |
+//!
+//! No cloud has what else a file may hold: faces and other elements, lists, comments, the grid of
+//! an organised PCD. [`differences`] says what [`write()`] leaves out or changes.
+//!
+//! A file is not believed: a count or size in a header is weighed against the bytes that
 //! are there before memory is taken for it, and whatever is wrong is an
-//! [`Error::Parse`] with its line or byte.
+//! [`Error::Parse`] with its line or byte. Memory is at most about ten times the file; a
+//! compressed PCD that unpacks to more than that and 64 MiB is refused. Time grows with the file.
+//! A header, or a line of names, has at most 1 MiB. Pipes are read up to
+//! [`LONGEST_STREAM`] bytes; devices are not.
 
 mod columns;
+mod differences;
 mod fault;
-mod fields;
 mod format;
 pub(crate) mod guard;
+mod layout;
 mod lines;
+mod load;
+mod names;
 pub(crate) mod outputs;
 mod pcd;
 mod ply;
@@ -38,8 +53,12 @@ use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
 use columns::Columns;
-use fault::Fault;
+pub use differences::Differences;
+use fault::{Fault, LONGEST_HEADER};
 pub use format::Format;
+use layout::Layout;
+pub use load::LONGEST_STREAM;
+use load::load;
 pub use pose::{read_transform, write_transform};
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) use sheet::Sheet;
@@ -61,18 +80,28 @@ pub(crate) use sheet::Sheet;
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
+    Ok(read_with_differences(path)?.0)
+}
+
+/// The same, and what the cloud does not have of the file, or has in another way: faces,
+/// comments, columns that are not numbers, names that are no names of channels.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn read_with_differences(path: impl AsRef<Path>) -> Result<(PointCloud, Differences)> {
     let path = path.as_ref();
     let content = load(path)?;
     let table = match Format::detect(path, &content) {
         Some(Format::Ply) => ply::parse(&content),
         Some(Format::Pcd) => pcd::parse(&content),
         Some(Format::Text) if format::extension(path) == "xyzn" => {
-            text::parse(&content, Columns::XYZ_NORMAL)
+            text::parse(&content, Columns::plain(true))
         }
-        Some(Format::Text) => text::parse(&content, Columns::XYZ),
+        Some(Format::Text) => text::parse(&content, Columns::plain(false)),
         None => Err(Fault::new("is neither PLY nor PCD nor text")),
     };
     let table = table.map_err(|fault| fault.within(path))?;
+    drop(content);
     // What is wrong with the coordinates together has no line, but it has a file.
     table.into_cloud().map_err(|error| Fault::new(error.to_string()).within(path))
 }
@@ -110,23 +139,60 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
 /// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with
 /// spaces, `.csv` with commas. An existing file is replaced, once all is written.
 ///
-/// Coordinates are written as float when the cloud's origin is zero and as double
-/// otherwise; either way [`read`] gets back every position. Normals are written when
-/// there are any, and so are weights and channels, as float. The viewpoint is kept by PCD only, and there zero stands for
-/// "not known". The count of dropped points is not kept.
+/// Coordinates are written as f32 when the cloud's [`origin`](PointCloud::origin) is zero and as
+/// f64 otherwise, in text with the fewest digits that tell it from its neighbours: either way the
+/// file has every [`position`](PointCloud::position) to the last bit. [`read`] then holds them in
+/// f32 about the origin of their own box. Positions come back exactly where both origins are zero,
+/// as for clouds around the zero of their frame; elsewhere within 4e-7 of the longest side of the
+/// box and one unit in the last place of what the file has.
+///
+/// Normals are written when there are any, and so are weights and channels, as f32; they come
+/// back to the last bit, but normals to unit length again (2e-7). Colours are whole numbers
+/// ([`Channels::with_color`](crate::Channels::with_color)), rounded. PCD alone keeps the
+/// viewpoint, and there zero stands for "not known". The count of dropped points is not kept.
+/// [`differences`] says what is left out, and which names are changed.
 ///
 /// # Errors
-/// [`Error::Config`] for another extension, [`Error::Io`] when the system refuses;
-/// a file that was there before is then still as it was.
+/// [`Error::Config`] for another extension, and for more channels than a header of 1 MiB names;
+/// [`Error::Io`] when the system refuses. A file that was there before is then still as it was.
 pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     let path = path.as_ref();
+    let layout = layout(path, cloud)?;
     match format::extension(path).as_str() {
-        "ply" => replace(path, |out| ply::write(out, cloud)),
-        "pcd" => replace(path, |out| pcd::write(out, cloud)),
-        "xyz" | "txt" => replace(path, |out| text::write(out, cloud, "# ", " ")),
-        "csv" => replace(path, |out| text::write(out, cloud, "", ",")),
-        _ => Err(unknown_extension(path)),
+        "ply" => replace(path, |out| ply::write(out, cloud, &layout)),
+        "pcd" => replace(path, |out| pcd::write(out, cloud, &layout)),
+        "csv" => replace(path, |out| text::write(out, cloud, &layout, "", ",")),
+        _ => replace(path, |out| text::write(out, cloud, &layout, "# ", " ")),
     }
+}
+
+/// What [`write()`] to this path leaves out of a cloud, or changes: the viewpoint, names, colours
+/// that are rounded or become numbers.
+///
+/// # Errors
+/// [`Error::Config`] as [`write()`].
+pub fn differences(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<Differences> {
+    Ok(layout(path.as_ref(), cloud)?.differences)
+}
+
+/// What a cloud is written with to a file of that extension.
+fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<Layout<'a>> {
+    // Beside its name, a field takes `property double ` and a line end of a PLY header, and as
+    // much as ` 4 F 1` of PCD.
+    let (layout, beside) = match format::extension(path).as_str() {
+        "ply" => (Layout::ply(cloud), 17),
+        "pcd" => (Layout::pcd(cloud), 7),
+        "csv" => (Layout::text(cloud, true), 1),
+        "xyz" | "txt" => (Layout::text(cloud, false), 1),
+        _ => return Err(unknown_extension(path)),
+    };
+    let header: usize = layout.fields.iter().map(|field| field.name.len() + beside).sum();
+    // What is there without any field takes less than that.
+    if header + 1000 > LONGEST_HEADER {
+        let rule = format!("are more than a header of {LONGEST_HEADER} bytes names: write fewer");
+        return Err(Error::config("channels", layout.fields.len(), rule));
+    }
+    Ok(layout)
 }
 
 /// Writes bytes to a file; one that was there before is replaced once all is written.
@@ -154,24 +220,6 @@ pub fn writable(path: impl AsRef<Path>) -> Result<()> {
 fn unknown_extension(path: &Path) -> Error {
     let rule = "the extension must be .ply, .pcd, .xyz, .txt or .csv";
     Error::config("path", path.display(), rule)
-}
-
-/// The bytes of a file that is there and not empty.
-///
-/// Only regular files: a device or a pipe has no end that a header could be
-/// weighed against.
-fn load(path: &Path) -> Result<Vec<u8>> {
-    let refuse = |source| Error::io(path, source);
-    let kind = fs::metadata(path).map_err(refuse)?;
-    if !kind.is_file() {
-        let what = if kind.is_dir() { "is a directory" } else { "is not a regular file" };
-        return Err(refuse(io::Error::new(ErrorKind::InvalidInput, what)));
-    }
-    let content = fs::read(path).map_err(refuse)?;
-    if content.is_empty() {
-        return Err(Fault::new("is empty").within(path));
-    }
-    Ok(content)
 }
 
 /// Writes a file beside `path`, then renames it to `path`: a full disk leaves the

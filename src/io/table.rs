@@ -1,27 +1,101 @@
 //! What a file holds: rows of numbers, of which a cloud is made.
+//!
+//! Rows that drop out take no room, and numbers as much as the cloud gives them, so that the
+//! whole stays within a few times the size of the file.
 
-use super::columns::{Columns, Extra, Vertex};
-use crate::cloud::{Attributes, Channels, PointCloud};
+use super::columns::{COLORS, Columns, Extra, Kind, Vertex, color, no_number};
+use super::differences::{Differences, short};
+use crate::cloud::{Channels, ColorDepth, PointCloud, too_large, unit};
 use crate::error::Result;
 use crate::math::Vec3;
 
 /// What a file holds.
 #[derive(Debug)]
 pub(super) struct Table {
-    points: Vec<Vec3>,
-    normals: Option<Vec<Vec3>>,
-    /// The other columns, and their numbers.
-    extras: Vec<(Extra, Vec<f64>)>,
+    places: Places,
+    normals: Option<Vec<[f32; 3]>>,
+    columns: Vec<Column>,
     viewpoint: Option<Vec3>,
+    /// Rows that were added, dropped or not.
+    rows: usize,
+    /// Rows that are there although they are not finite, for what refers to them by number.
+    keeps_all: bool,
+    /// Of colours in text, those that are not all whole numbers, a bit each.
+    decimal: u8,
+    differences: Differences,
+}
+
+/// Coordinates, as fine as the file has them.
+#[derive(Debug)]
+enum Places {
+    Single(Vec<[f32; 3]>),
+    Double(Vec<Vec3>),
+}
+
+/// A column beside positions and normals.
+#[derive(Debug)]
+struct Column {
+    name: String,
+    kind: Kind,
+    numbers: Vec<f32>,
+    /// Instead of numbers, where colours are packed.
+    bits: Vec<u32>,
+    /// How many there will be, about.
+    capacity: usize,
+    /// The first row that is there and has no number.
+    bad: Option<usize>,
+    range: [f64; 2],
+    /// By how much a number differs from what the file has, at most.
+    error: f64,
 }
 
 impl Table {
     /// No row of these columns yet, room for `capacity`.
     pub fn new(capacity: usize, columns: &Columns) -> Self {
         let normals = columns.has_normals().then(|| Vec::with_capacity(capacity));
-        let extra = |extra: &Extra| (extra.clone(), Vec::with_capacity(capacity));
-        let extras = columns.extras().iter().map(extra).collect();
-        Table { points: Vec::with_capacity(capacity), normals, extras, viewpoint: None }
+        Table {
+            places: Places::Double(Vec::with_capacity(capacity)),
+            normals,
+            columns: columns.extras().iter().map(|extra| Column::new(extra, capacity)).collect(),
+            viewpoint: None,
+            rows: 0,
+            keeps_all: false,
+            decimal: 0,
+            differences: columns.differences().clone(),
+        }
+    }
+
+    /// The same for coordinates that f32 holds as they are.
+    pub fn single(capacity: usize, columns: &Columns) -> Self {
+        let mut table = Table::new(0, columns).with_room(capacity);
+        table.places = Places::Single(Vec::with_capacity(capacity));
+        table.normals.iter_mut().for_each(|normals| normals.reserve_exact(capacity));
+        table
+    }
+
+    /// The table with room for `capacity` numbers of each column beside positions and normals,
+    /// taken where there is a first one.
+    pub fn with_room(mut self, capacity: usize) -> Self {
+        self.columns.iter_mut().for_each(|column| column.capacity = capacity);
+        self
+    }
+
+    /// Bytes that a point of these columns takes at most, while its cloud is made.
+    pub fn point_size(columns: &Columns, is_single: bool) -> usize {
+        let place = if is_single { 12 } else { 24 };
+        let normal = if columns.has_normals() { 12 } else { 0 };
+        let extra = |extra: &Extra| match extra.kind {
+            Kind::Packed { alpha } | Kind::PackedFloat { alpha } => 16 + 4 * usize::from(alpha),
+            // Once more in f64.
+            _ if extra.name == "weight" => 12,
+            _ => 4,
+        };
+        place + 12 + normal + columns.extras().iter().map(extra).sum::<usize>()
+    }
+
+    /// The table with room for rows that are not finite.
+    pub fn keeping_all(self) -> Self {
+        Table { keeps_all: true, ..self }
     }
 
     /// The table as seen from `viewpoint`.
@@ -29,64 +103,211 @@ impl Table {
         Table { viewpoint, ..self }
     }
 
-    /// Adds a row.
-    pub fn push(&mut self, Vertex([x, y, z, nx, ny, nz], others): Vertex) {
-        self.points.push([x, y, z]);
-        if let Some(normals) = &mut self.normals {
-            normals.push([nx, ny, nz]);
-        }
-        for ((_, numbers), value) in self.extras.iter_mut().zip(others) {
-            numbers.push(value);
-        }
+    /// The table, after what else a cloud does not have of the file.
+    pub fn without(self, differences: Differences) -> Self {
+        Table { differences: differences.and(self.differences), ..self }
     }
 
-    /// Number of rows.
+    /// Adds a row. The error names a coordinate that cannot be computed with.
+    pub fn push(&mut self, vertex: &Vertex) -> std::result::Result<(), String> {
+        let row = self.rows;
+        self.rows += 1;
+        let finite = vertex.place.iter().all(|x| x.is_finite());
+        if finite && let Some(value) = too_large(vertex.place) {
+            let axis = ["x", "y", "z"][vertex.place.iter().position(|&x| x == value).unwrap_or(0)];
+            return Err(format!(
+                "{axis} is {value:e}: coordinates within 1e75 of zero can be computed with; look \
+                 for stray points, or for another column"
+            ));
+        }
+        if !finite && !self.keeps_all {
+            return Ok(());
+        }
+        match &mut self.places {
+            Places::Single(places) => places.push(vertex.place.map(|x| x as f32)),
+            Places::Double(places) => places.push(vertex.place),
+        }
+        if let Some(normals) = &mut self.normals {
+            normals.push(unit(vertex.normal));
+        }
+        for (column, &value) in self.columns.iter_mut().zip(&vertex.extras) {
+            column.push(value, row);
+        }
+        self.decimal |= vertex.decimal;
+        Ok(())
+    }
+
+    /// Number of rows that were added.
     pub fn len(&self) -> usize {
-        self.points.len()
+        self.rows
     }
 
     /// The positions alone.
     pub fn into_points(self) -> Vec<Vec3> {
-        self.points
+        match self.places {
+            Places::Single(places) => places.iter().map(|place| place.map(f64::from)).collect(),
+            Places::Double(places) => places,
+        }
     }
 
     /// The cloud of these rows: a column called weight has the weights of the points, others are
-    /// channels. One that has no name for a channel, or a number that f32 does not hold at a
-    /// point that does not drop out, is left out, as nobody may have asked for it, and noted.
-    pub fn into_cloud(mut self) -> Result<PointCloud> {
-        let finite = |&i: &usize| self.points[i].iter().all(|x| x.is_finite());
-        let kept: Vec<usize> = (0..self.points.len()).filter(finite).collect();
+    /// channels. One with a number that f32 does not hold at a point that does not drop out is
+    /// left out, as nobody may have asked for it, and noted.
+    pub fn into_cloud(mut self) -> Result<(PointCloud, Differences)> {
+        let depth = self.text_depth();
+        let mut differences = std::mem::take(&mut self.differences);
         let mut channels = Channels::default();
         let mut weights = None;
-        for (extra, numbers) in std::mem::take(&mut self.extras) {
-            if extra.name.eq_ignore_ascii_case("weight") {
-                weights = weights.or(Some(numbers));
-                continue;
+        for mut column in std::mem::take(&mut self.columns) {
+            if let Kind::Text(bit) = column.kind
+                && self.decimal & (1 << bit) != 0
+            {
+                column.kind = Kind::Number;
             }
-            for (name, values) in extra.channels(&numbers) {
-                let holds = |&i: &usize| values[i].is_finite();
-                if !Channels::is_name(&name) || channels.get(&name).is_some() {
-                    continue;
-                }
-                if let Some(&row) = kept.iter().find(|&i| !holds(i)) {
-                    channels = channels.without(&name, row);
-                } else {
-                    // At rows that drop out, anything that is a number.
-                    let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
-                    let values = values.into_iter().map(finite).collect();
-                    channels = channels.with(&name, values)?;
-                }
+            if column.name == "weight" {
+                weights = Some(column.numbers);
+            } else {
+                channels = column.into_channels(channels, depth, &mut differences)?;
             }
         }
-        let has = Attributes {
-            normals: self.normals.as_deref(),
-            weights: weights.as_deref(),
-            channels: Some(&channels),
+        // What the places take is given back before anything else is made.
+        let cloud = match self.places {
+            Places::Single(places) => PointCloud::from_f32(&places),
+            Places::Double(places) => PointCloud::new(&places),
+        }?;
+        let dropped = self.rows - cloud.len();
+        let mut cloud = cloud.with_read(self.normals, channels, dropped)?;
+        if let Some(weights) = weights {
+            cloud = cloud.with_weights(weights.into_iter().map(f64::from).collect())?;
+        }
+        if let Some(viewpoint) = self.viewpoint {
+            cloud = cloud.with_viewpoint(viewpoint)?;
+        }
+        Ok((cloud, differences))
+    }
+
+    /// The depth of colours in text: those of columns red, green and blue of nothing but whole
+    /// numbers up to 255, or up to 65535.
+    fn text_depth(&self) -> Option<ColorDepth> {
+        let most = |bit: usize| {
+            let mut named = self.columns.iter().filter(|column| column.kind == Kind::Text(bit));
+            let column = named.find(|column| column.name.eq_ignore_ascii_case(COLORS[bit]))?;
+            let whole = self.decimal & (1 << bit) == 0 && column.bad.is_none();
+            whole.then(|| column.range[1].max(0.0))
         };
-        let cloud = PointCloud::with_attributes(&self.points, has)?;
-        match self.viewpoint {
-            Some(viewpoint) => cloud.with_viewpoint(viewpoint),
-            None => Ok(cloud),
+        let most = most(0)?.max(most(1)?).max(most(2)?);
+        let depths = [ColorDepth::Eight, ColorDepth::Sixteen].into_iter();
+        depths.into_iter().find(|depth| most <= f64::from(depth.max()))
+    }
+}
+
+impl Column {
+    fn new(extra: &Extra, capacity: usize) -> Self {
+        Column {
+            name: extra.name.clone(),
+            kind: extra.kind,
+            numbers: Vec::new(),
+            bits: Vec::new(),
+            capacity,
+            bad: None,
+            range: [f64::INFINITY, f64::NEG_INFINITY],
+            error: 0.0,
+        }
+    }
+
+    fn push(&mut self, value: f64, row: usize) {
+        let number = value as f32;
+        let is_weight = self.name == "weight";
+        if self.bad.is_some() {
+            return;
+        }
+        if !number.is_finite() && !is_weight {
+            self.bad = Some(row);
+            (self.numbers, self.bits) = Default::default();
+            return;
+        }
+        if self.capacity > 0 {
+            match self.kind {
+                Kind::Packed { .. } | Kind::PackedFloat { .. } => {
+                    self.bits.reserve_exact(self.capacity);
+                }
+                _ => self.numbers.reserve_exact(self.capacity),
+            }
+            self.capacity = 0;
+        }
+        match self.kind {
+            Kind::PackedFloat { .. } => self.bits.push(number.to_bits()),
+            Kind::Packed { .. } => self.bits.push(value as i64 as u32),
+            Kind::Color(depth) => self.numbers.push((value / f64::from(depth.max())) as f32),
+            Kind::Number | Kind::Text(_) => {
+                self.range = [self.range[0].min(value), self.range[1].max(value)];
+                self.error = self.error.max((value - f64::from(number)).abs());
+                self.numbers.push(number);
+            }
+        }
+    }
+
+    /// Adds the channels that the column is: three or four of packed colours.
+    fn into_channels(
+        self,
+        channels: Channels,
+        text_depth: Option<ColorDepth>,
+        differences: &mut Differences,
+    ) -> Result<Channels> {
+        if let Some(row) = self.bad {
+            differences.leave_out(no_number(&self.name, row));
+        }
+        let alpha = match (self.kind, self.bad) {
+            (Kind::Packed { alpha } | Kind::PackedFloat { alpha }, None) => alpha,
+            (Kind::Packed { .. } | Kind::PackedFloat { .. }, Some(row)) => {
+                return Ok(COLORS.iter().fold(channels, |all, color| all.without(color, row)));
+            }
+            (_, Some(row)) => return Ok(channels.without(&self.name, row)),
+            (_, None) => return self.into_channel(channels, text_depth, differences),
+        };
+        let bytes = &[("red", 16), ("green", 8), ("blue", 0), ("alpha", 24)];
+        let bytes = &bytes[..3 + usize::from(alpha)];
+        if bytes.iter().any(|(name, _)| channels.get(name).is_some()) {
+            differences.leave_out(format!("{}, beside other colours", short(&self.name)));
+            return Ok(channels);
+        }
+        bytes.iter().try_fold(channels, |channels, &(name, shift)| {
+            let share = |&bits: &u32| (f64::from((bits >> shift) & 255) / 255.0) as f32;
+            channels.with_color(name, self.bits.iter().map(share).collect(), ColorDepth::Eight)
+        })
+    }
+
+    fn into_channel(
+        mut self,
+        channels: Channels,
+        text_depth: Option<ColorDepth>,
+        differences: &mut Differences,
+    ) -> Result<Channels> {
+        if channels.get(&self.name).is_some() {
+            differences.leave_out(format!("{}, which is there twice", short(&self.name)));
+            return Ok(channels);
+        }
+        self.numbers.shrink_to_fit();
+        // As far as numbers of a column differ from each other: chosen by hand.
+        if self.error > 1e-5 * (self.range[1] - self.range[0]) && self.range[1] > self.range[0] {
+            let by = self.error;
+            differences.change(format!("{} is rounded by up to {by:.1e}", short(&self.name)));
+        }
+        let depth = match self.kind {
+            Kind::Color(depth) => Some(depth),
+            Kind::Text(_) if color(&self.name).is_some() => {
+                let depth = text_depth.filter(|depth| self.range[1] <= f64::from(depth.max()));
+                if let Some(depth) = depth {
+                    let whole = f64::from(depth.max());
+                    self.numbers.iter_mut().for_each(|x| *x = (f64::from(*x) / whole) as f32);
+                }
+                depth
+            }
+            _ => None,
+        };
+        match depth {
+            Some(depth) => channels.with_color(&self.name, self.numbers, depth),
+            None => channels.with(&self.name, self.numbers),
         }
     }
 }

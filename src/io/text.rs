@@ -2,9 +2,10 @@
 
 use std::io::{self, Write};
 
-use super::columns::Columns;
-use super::fault::{Fault, shown};
-use super::fields::{extra_names, extra_values, is_single};
+use super::columns::{Columns, Kind, Vertex, color};
+use super::differences::Differences;
+use super::fault::{Fault, LONGEST_HEADER, shown};
+use super::layout::{Layout, is_single};
 use super::lines::{Lines, number};
 use super::table::Table;
 use crate::cloud::PointCloud;
@@ -21,40 +22,57 @@ pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
     let start = if content.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut preamble = Preamble::default();
     let mut table: Option<(Columns, Table)> = None;
-    let mut words = Vec::new();
-    for line in Lines::new(content, start, 0) {
+    let mut vertex = Vertex::default();
+    let mut lines = Lines::new(content, start, 0);
+    let mut comments = 0;
+    while let Some(line) = lines.next() {
         let (number, line) = line?;
         let (line, comment) = split_comment(line);
-        if let (None, Some(comment)) = (&table, comment) {
-            split(comment, &mut words);
-            preamble.note(&words);
+        if let Some(comment) = comment {
+            comments += 1;
+            if table.is_none() {
+                preamble.note(comment);
+            }
         }
         if line.is_empty() {
             continue;
         }
-        split(line, &mut words);
+        let words = words(line);
         let (columns, table) = match &mut table {
             Some(table) => table,
-            None if preamble.takes(&words, number)? => continue,
+            None if preamble.takes(line, number)? => continue,
             None => {
-                let columns = preamble.columns(Some(words.len()));
-                let columns = columns.unwrap_or_else(|| default.clone());
-                let empty = Table::new(0, &columns);
+                let width = words.clone().count();
+                let columns = preamble.columns(Some(width));
+                let columns = columns.unwrap_or_else(|| default.clone().without_names(width));
+                // Rows may lack what is not needed, but then it is left out.
+                let needed = if columns.has_normals() { 6 } else { 3 };
+                let [most, full] = [needed, width].map(|words| most_rows(lines.rest(), words));
+                let empty = Table::new(most, &columns).with_room(full);
                 table.insert((columns, empty))
             }
         };
-        table.push(columns.parse(&words, number)?);
+        columns.parse(&mut vertex, words, number)?;
+        table.push(&vertex).map_err(|what| Fault::line(number, what))?;
     }
     let table = table
         .map(|(_, table)| table)
         .unwrap_or_else(|| Table::new(0, &preamble.columns(None).unwrap_or(default)));
-    match preamble.claimed {
-        Some((line, count)) if count != table.len() as u64 => {
-            let what = format!("the line claims {count} points, the file has {}", table.len());
-            Err(Fault::line(line, what))
-        }
-        _ => Ok(table),
+    if let Some((line, count)) = preamble.claimed.filter(|(_, count)| *count != table.len() as u64)
+    {
+        let what = format!("the line claims {count} points, the file has {}", table.len());
+        return Err(Fault::line(line, what));
     }
+    let mut differences = Differences::default();
+    differences.leave_out_all(comments - preamble.used_comments, "comment");
+    Ok(table.without(differences))
+}
+
+/// The most rows of `width` words that there are where one of them stands before the `rest`.
+fn most_rows(rest: &[u8], width: usize) -> usize {
+    let ends = rest.iter().filter(|&&byte| byte == b'\n' || byte == b'\r').count();
+    // A digit a word, and what separates it.
+    1 + (1 + ends).min(rest.len() / (2 * width.max(1)))
 }
 
 /// What stands before the first point.
@@ -66,24 +84,33 @@ struct Preamble {
     noted: Option<(Columns, usize)>,
     /// The number of points that is claimed, and in which line.
     claimed: Option<(usize, u64)>,
+    /// Comments that names were taken from.
+    used_comments: usize,
 }
 
 impl Preamble {
     /// Looks at a comment.
-    fn note(&mut self, words: &[&str]) {
-        if let Ok(columns) = Columns::named(words.iter().copied()) {
-            self.noted = Some((columns, words.len()));
+    fn note(&mut self, comment: &str) {
+        if comment.len() > LONGEST_HEADER {
+            return;
+        }
+        if let Ok(columns) = named(comment) {
+            self.noted = Some((columns, words(comment).count()));
         }
     }
 
     /// Takes a line, or says that it must be the first point.
-    fn takes(&mut self, words: &[&str], number: usize) -> Result<bool, Fault> {
-        if self.named.is_none() && is_header(words) {
-            let named = Columns::named(words.iter().copied());
-            self.named = Some(named.map_err(|what| Fault::line(number, what))?);
+    fn takes(&mut self, line: &str, number: usize) -> Result<bool, Fault> {
+        if self.named.is_none() && is_header(words(line)) {
+            if line.len() > LONGEST_HEADER {
+                let what = format!("the line of names takes more than {LONGEST_HEADER} bytes");
+                return Err(Fault::line(number, what));
+            }
+            self.named = Some(named(line).map_err(|what| Fault::line(number, what))?);
             return Ok(true);
         }
-        if let (None, [word]) = (self.claimed, words) {
+        let mut words = words(line);
+        if let (None, Some(word), None) = (self.claimed, words.next(), words.next()) {
             let count = word.parse().map_err(|_| {
                 let what = format!("{} is neither a point nor a number of points", shown(word));
                 Fault::line(number, what)
@@ -98,8 +125,17 @@ impl Preamble {
     fn columns(&mut self, width: Option<usize>) -> Option<Columns> {
         let noted = self.noted.take();
         let fits = noted.filter(|(_, names)| width.is_none_or(|width| width == *names));
-        self.named.take().or(fits.map(|(columns, _)| columns))
+        self.named.take().or_else(|| {
+            self.used_comments = usize::from(fits.is_some());
+            fits.map(|(columns, _)| columns)
+        })
     }
+}
+
+/// The columns that a line names.
+fn named(line: &str) -> Result<Columns, String> {
+    let columns = Columns::named(words(line).map(Some))?;
+    Ok(columns.of_kinds(|name, _| color(name).map_or(Kind::Number, Kind::Text)))
 }
 
 /// Writes a line of names after `comment`, then a point a line, each number with as
@@ -107,6 +143,7 @@ impl Preamble {
 pub(super) fn write(
     out: &mut dyn Write,
     cloud: &PointCloud,
+    layout: &Layout<'_>,
     comment: &str,
     separator: &str,
 ) -> io::Result<()> {
@@ -115,7 +152,7 @@ pub(super) fn write(
         Some(_) => vec!["x", "y", "z", "nx", "ny", "nz"],
         None => vec!["x", "y", "z"],
     };
-    names.extend(extra_names(cloud));
+    names.extend(layout.fields.iter().map(|field| field.name.as_str()));
     writeln!(out, "{comment}{}", names.join(separator))?;
     for (i, ([x, y, z], position)) in cloud.points().iter().zip(cloud.positions()).enumerate() {
         if single {
@@ -128,7 +165,10 @@ pub(super) fn write(
             let [x, y, z] = normals[i];
             write!(out, "{separator}{x:?}{separator}{y:?}{separator}{z:?}")?;
         }
-        extra_values(cloud, i).try_for_each(|x| write!(out, "{separator}{x:?}"))?;
+        for field in &layout.fields {
+            out.write_all(separator.as_bytes())?;
+            field.write_text(out, i)?;
+        }
         writeln!(out)?;
     }
     Ok(())
@@ -145,21 +185,38 @@ fn split_comment(line: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Splits at semicolons if there are any, else at commas, else at white space. With
-/// decimal commas that leaves words like `1,5` or `5 2`, which are refused.
-fn split<'a>(line: &'a str, words: &mut Vec<&'a str>) {
-    words.clear();
+/// The words of a line: split at semicolons if there are any, else at commas, else at white
+/// space. With decimal commas that leaves words like `1,5` or `5 2`, which are refused.
+fn words(line: &str) -> Words<'_> {
     match [';', ','].into_iter().find(|&separator| line.contains(separator)) {
-        Some(separator) => {
-            words.extend(line.split(separator).map(|word| word.trim().trim_matches('"')))
+        Some(separator) => Words::Separated(line.split(separator)),
+        None => Words::Spaced(line.split_whitespace()),
+    }
+}
+
+#[derive(Clone)]
+enum Words<'a> {
+    Separated(std::str::Split<'a, char>),
+    Spaced(std::str::SplitWhitespace<'a>),
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = &'a str;
+
+    fn next(&mut self) -> Option<&'a str> {
+        match self {
+            Words::Separated(words) => words.next().map(|word| word.trim().trim_matches('"')),
+            Words::Spaced(words) => words.next().map(|word| word.trim_matches('"')),
         }
-        None => words.extend(line.split_whitespace().map(|word| word.trim_matches('"'))),
     }
 }
 
 /// Whether a line has names, and nothing like a number: that makes it a broken point.
-fn is_header(words: &[&str]) -> bool {
-    let is_name =
-        |word: &&str| number(word).is_none() && !word.starts_with(|c: char| c.is_ascii_digit());
-    words.iter().all(is_name) && words.iter().any(|word| !word.is_empty())
+fn is_header<'a>(mut words: impl Iterator<Item = &'a str>) -> bool {
+    let mut some = false;
+    let mut is_name = |word: &str| {
+        some |= !word.is_empty();
+        number(word).is_none() && !word.starts_with(|c: char| c.is_ascii_digit())
+    };
+    words.all(&mut is_name) && some
 }

@@ -1,5 +1,7 @@
 //! `PointCloud`: made once, used for any number of calls.
 
+use std::collections::BTreeMap;
+
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -40,7 +42,7 @@ use crate::{filter, search};
 /// ------
 /// Error : what is no such thing
 /// ShapeError : not (N, 3), or not one normal a point
-/// ExtentError : coordinates that span more than 1e15 or less than 1e-15
+/// ExtentError : coordinates that span more than 1e15 or less than 1e-15, or one beyond 1e75
 ///
 /// Examples
 /// --------
@@ -125,7 +127,9 @@ impl PyCloud {
             None => cloud,
         };
         let cloud = match channels {
-            Some(given) => cloud.with_channels(rows.channels(given)?).map_err(exception)?,
+            Some(given) => {
+                cloud.with_channels(rows.channels(given, &BTreeMap::new())?).map_err(exception)?
+            }
             None => cloud,
         };
         Ok(cloud.into())
@@ -309,7 +313,10 @@ impl PyCloud {
             detached(py, || this.cloud.parts());
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
-        let has = (this.weights(py), this.channels(py)?);
+        let channels = this.cloud.channels();
+        let depth = |name: &str| Some((name.to_string(), channels.color_depth(name)?.max()));
+        let depths: BTreeMap<String, u16> = channels.names().filter_map(depth).collect();
+        let has = (this.weights(py), this.channels(py)?, depths);
         let state = (points, origin, frame_origin, normals, viewpoint, dropped, has);
         (slf.get_type().getattr("_from_parts")?, state).into_pyobject(py)
     }
@@ -325,7 +332,7 @@ impl PyCloud {
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
         dropped: usize,
-        has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>),
+        has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>, BTreeMap<String, u16>),
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
             Table::F32(table) => {
@@ -338,7 +345,7 @@ impl PyCloud {
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
         let own = Rows::all(points.len());
         let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
-        let channels = own.channels(&has.1)?;
+        let channels = own.channels(&has.1, &has.2)?;
         let parts =
             Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped };
         detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)

@@ -49,7 +49,7 @@ pyo3::create_exception!(
     cfreg,
     ExtentError,
     Error,
-    "Coordinates span more, or less, than can be computed with: stray points, or the unit."
+    "Coordinates span more, or less, than can be computed with, or one is beyond 1e75: stray points, or the unit."
 );
 
 /// The exception for `error`, with its message.
@@ -90,7 +90,7 @@ fn worded(error: &Failure, message: String) -> PyErr {
         Failure::Shape { .. } => ShapeError::new_err(message),
         Failure::Config { .. } | Failure::Setting { .. } => SettingError::new_err(message),
         Failure::Parse { .. } => FileFormatError::new_err(message),
-        Failure::Extent { .. } => ExtentError::new_err(message),
+        Failure::Extent { .. } | Failure::Coordinate { .. } => ExtentError::new_err(message),
         Failure::Interrupted => PyKeyboardInterrupt::new_err(message),
         _ => Error::new_err(message),
     }

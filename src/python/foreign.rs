@@ -8,7 +8,7 @@ use super::arrays::{Table, as_array, interop};
 use super::detached::detached;
 use super::errors::{ShapeError, about, exception};
 use super::rows::Rows;
-use crate::cloud::{Channels, PointCloud};
+use crate::cloud::{Channels, ColorDepth, PointCloud};
 
 /// What becomes of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]
@@ -82,7 +82,9 @@ fn colored(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointCloud> {
     let mut channels = Channels::default();
     for (axis, name) in ["red", "green", "blue"].into_iter().enumerate() {
         let column = colors.get_item((py.Ellipsis(), axis))?;
-        channels = channels.with(name, rows.channel(&column, "colors")?).map_err(exception)?;
+        // Files have them as whole numbers, as that library's own.
+        let values = rows.channel(&column, "colors")?;
+        channels = channels.with_color(name, values, ColorDepth::Eight).map_err(exception)?;
     }
     cloud.with_channels(channels).map_err(exception)
 }

@@ -1,5 +1,7 @@
 //! What belongs to the rows of points that were handed over: a column of numbers for each.
 
+use std::collections::BTreeMap;
+
 use numpy::prelude::*;
 use numpy::{PyArray1, PyUntypedArray};
 use pyo3::PyTypeInfo;
@@ -8,7 +10,7 @@ use pyo3::types::PyDict;
 
 use super::arrays::{as_array, interop};
 use super::errors::{Error, ShapeError, exception};
-use crate::cloud::{Channels, PointCloud};
+use crate::cloud::{Channels, ColorDepth, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
 pub(super) struct Rows {
@@ -65,13 +67,23 @@ impl Rows {
         Ok(self.column(any, name)?.into_iter().map(|x| x as f32).collect())
     }
 
-    /// The channels {name: numbers (N,)}.
-    pub(super) fn channels(&self, given: &Bound<'_, PyDict>) -> PyResult<Channels> {
+    /// The channels {name: numbers (N,)}; those with a largest whole number are colours.
+    pub(super) fn channels(
+        &self,
+        given: &Bound<'_, PyDict>,
+        depths: &BTreeMap<String, u16>,
+    ) -> PyResult<Channels> {
         let mut channels = Channels::default();
         for (name, values) in given {
             let name: String = name.extract()?;
             let values = self.channel(&values, &format!("channels[{name:?}]"))?;
-            channels = channels.with(&name, values).map_err(exception)?;
+            let of_max = |&depth: &ColorDepth| depths.get(&name) == Some(&depth.max());
+            let depth = [ColorDepth::Eight, ColorDepth::Sixteen].into_iter().find(of_max);
+            channels = match depth {
+                Some(depth) => channels.with_color(&name, values, depth),
+                None => channels.with(&name, values),
+            }
+            .map_err(exception)?;
         }
         Ok(channels)
     }

@@ -1,6 +1,7 @@
 """Weights and channels of points, from arrays to a pose."""
 
 import os
+import pathlib
 import pickle
 import tempfile
 import types
@@ -58,6 +59,24 @@ class Carried(unittest.TestCase):
         )
         found = cfreg.PointCloud(foreign).channels
         np.testing.assert_allclose(found["green"], colors[[0, 2, 3], 1].astype(np.float32))
+
+    def test_colours_of_open3d_are_written_as_whole_numbers(self):
+        colors = np.random.default_rng(0).random((4, 3))
+        foreign = types.SimpleNamespace(
+            points=self.points, normals=[], colors=colors, has_normals=lambda: False
+        )
+        cloud = cfreg.PointCloud(foreign)
+        with tempfile.TemporaryDirectory() as folder:
+            for number, one in enumerate((cloud, pickle.loads(pickle.dumps(cloud)))):
+                path = pathlib.Path(folder, f"{number}.ply")
+                cfreg.write(path, one)
+                self.assertIn(b"property uchar green\n", path.read_bytes())
+                back = cfreg.read(path).channels["green"]
+                levels = np.round(255 * cloud.channels["green"])
+                np.testing.assert_allclose(back, levels / 255, 1e-6)
+                plain = cfreg.PointCloud(one.points, channels=one.channels)
+                cfreg.write(path, plain)
+                self.assertIn(b"property float green\n", path.read_bytes())
 
 
 class Registered(unittest.TestCase):

@@ -44,6 +44,21 @@ impl PointCloud {
         }
     }
 
+    /// The cloud with what a reader found beside the places of its points, one row for each that
+    /// is there, and with the number of points that the reader dropped.
+    ///
+    /// # Errors
+    /// Those of [`with_channels`](Self::with_channels).
+    pub(crate) fn with_read(
+        self,
+        normals: Option<Vec<[f32; 3]>>,
+        channels: Channels,
+        dropped: usize,
+    ) -> Result<Self> {
+        one_a_point("normals", normals.as_ref().map(Vec::len), self.len())?;
+        PointCloud { normals, dropped, ..self }.with_channels(channels)
+    }
+
     /// Sets how much each point counts: a weight of 2 is as good as having the point twice, 0 as
     /// not connecting it. Every method honours them, as its description says; only their ratios
     /// within a cloud matter. One for each point that is there: points that were dropped have
@@ -141,7 +156,7 @@ pub(crate) fn check_weights(weights: &[f32], what: &str) -> Result<()> {
 }
 
 /// `normal` at unit length in f32; zero when it has no direction.
-fn unit(normal: Vec3) -> [f32; 3] {
+pub(crate) fn unit(normal: Vec3) -> [f32; 3] {
     let unit = math::normalized(normal).map(|x| x as f32);
     if unit.iter().all(|x| x.is_finite()) { unit } else { [0.0; 3] }
 }

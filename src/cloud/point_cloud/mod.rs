@@ -5,13 +5,22 @@ mod origin;
 mod parts;
 
 pub use attributes::Attributes;
-pub(crate) use attributes::check_weights;
+pub(crate) use attributes::{check_weights, unit};
 pub use parts::Parts;
 
 use self::origin::{DIGITS, FAR, exponent, local, snapped};
 use crate::cloud::{Channels, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
+
+/// The largest coordinate: fourth powers, which areas and covariances take, stay finite in f64
+/// (1e300).
+const LARGEST: f64 = 1e75;
+
+/// The first coordinate of a point that is finite and yet too large to compute with.
+pub(crate) fn too_large(point: Vec3) -> Option<f64> {
+    point.into_iter().find(|x| x.is_finite() && x.abs() > LARGEST)
+}
 
 /// Points, optionally with unit normals, weights, named channels and the place they were seen
 /// from.
@@ -43,6 +52,8 @@ impl PointCloud {
     /// # Errors
     /// [`Error::Extent`] when the longest side of the bounding box is above 1e15 or
     /// above 0 and below 1e-15: squared distances would leave the range of f32.
+    /// [`Error::Coordinate`] for a finite coordinate beyond 1e75: squares of squares would leave
+    /// that of f64.
     ///
     /// ```
     /// let utm = cfreg::PointCloud::new(&[[5e5, 5.6e6, 12.0], [5e5 + 0.125, 5.6e6, f64::NAN]])?;
@@ -52,13 +63,17 @@ impl PointCloud {
     /// ```
     pub fn new(points: &[[f64; 3]]) -> Result<Self> {
         let finite = |p: &&[f64; 3]| p.iter().all(|x| x.is_finite());
-        Self::from_finite(points.iter().filter(finite).copied(), points.len())
+        let far = |(index, &p)| finite(&&p).then(|| Some((index, too_large(p)?))).flatten();
+        match points.iter().enumerate().find_map(far) {
+            Some((index, value)) => Err(Error::Coordinate { index, value }),
+            None => Self::from_finite(points.iter().filter(finite).copied(), points.len()),
+        }
     }
 
     /// The same from f32.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// [`Error::Extent`] as [`new`](Self::new).
     pub fn from_f32(points: &[[f32; 3]]) -> Result<Self> {
         let wide = points.iter().map(|point| point.map(f64::from));
         Self::from_finite(wide.filter(|p| p.iter().all(|x| x.is_finite())), points.len())
@@ -77,11 +92,19 @@ impl PointCloud {
     fn from_finite(points: impl Iterator<Item = Vec3> + Clone, given: usize) -> Result<Self> {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
+        let mut bounded = true;
+        let mut count = 0;
         for p in points.clone() {
+            count += 1;
             for axis in 0..3 {
+                // Points that a transform blew up may be NaN, too.
+                bounded &= p[axis].abs() <= LARGEST;
                 low[axis] = low[axis].min(p[axis]);
                 high[axis] = high[axis].max(p[axis]);
             }
+        }
+        if !bounded {
+            return Err(Error::Extent { extent: f64::INFINITY });
         }
         if low[0] > high[0] {
             return Ok(PointCloud { dropped: given, ..Default::default() });
@@ -95,7 +118,10 @@ impl PointCloud {
         let frame_origin = snapped(center, extent, FAR);
         let digits = 10f64.powi((DIGITS - exponent(extent)).clamp(-300, 300));
         let local = |p: Vec3| [0, 1, 2].map(|axis| local(p[axis], origin[axis], digits));
-        let points: Vec<[f32; 3]> = points.map(local).collect();
+        // As many as there are, and no room for more.
+        let mut kept: Vec<[f32; 3]> = Vec::with_capacity(count);
+        kept.extend(points.map(local));
+        let points = kept;
         let dropped = given - points.len();
         Ok(PointCloud { points, origin, frame_origin, dropped, ..Default::default() })
     }
@@ -103,11 +129,12 @@ impl PointCloud {
     /// Sets the place the cloud was seen from, in the cloud's own frame.
     ///
     /// # Errors
-    /// [`Error::Config`] when it is not finite.
+    /// [`Error::Config`] when a coordinate of it is not finite, or beyond 1e75.
     pub fn with_viewpoint(mut self, viewpoint: Vec3) -> Result<Self> {
-        if viewpoint.iter().any(|x| !x.is_finite()) {
+        if viewpoint.iter().any(|x| !x.is_finite()) || too_large(viewpoint).is_some() {
             let value = format!("{viewpoint:?}");
-            return Err(Error::config("viewpoint", value, "every coordinate must be finite"));
+            let rule = "every coordinate must be finite, and within 1e75 of zero";
+            return Err(Error::config("viewpoint", value, rule));
         }
         self.viewpoint = Some(viewpoint);
         Ok(self)
@@ -239,7 +266,7 @@ impl PointCloud {
     /// The cloud moved by `transform`: points, normals and viewpoint; weights and channels stay.
     ///
     /// # Errors
-    /// [`Error::Extent`] when a scale takes it out of range.
+    /// [`Error::Extent`] when a scale or a shift takes it out of range.
     pub fn transformed(&self, transform: &Transform) -> Result<PointCloud> {
         let moved = self.positions().map(|p| transform.apply(p));
         let rotate = |n: &[f32; 3]| transform.rotate(n.map(f64::from)).map(|x| x as f32);
@@ -309,13 +336,26 @@ mod tests {
     #[test]
     fn odd_extents_have_a_defined_result() {
         assert!(PointCloud::new(&[]).unwrap().is_empty());
-        let same = PointCloud::new(&[[1e300, 0.0, 0.0]; 3]).unwrap();
-        assert_eq!(same.position(2), [1e300, 0.0, 0.0]);
-        for far in [1e16, 1e300, 1e-16] {
+        let same = PointCloud::new(&[[1e75, 0.0, 0.0]; 3]).unwrap();
+        assert_eq!(same.position(2), [1e75, 0.0, 0.0]);
+        for far in [1e76, -1e154, 1e308, -f64::MAX] {
+            for points in [vec![[0.0; 3], [f64::NAN; 3], [0.0, far, 0.0]], vec![[far; 3]; 3]] {
+                let (first, cloud) = (points.len() - 1, PointCloud::new(&points));
+                let Err(Error::Coordinate { index, value }) = cloud else { panic!("{far}") };
+                assert!(value == far && (index == first || index == 0));
+            }
+            let seen = same.clone().with_viewpoint([0.0, far, 0.0]);
+            assert!(matches!(seen, Err(Error::Config { field: "viewpoint", .. })), "{far}");
+            // A point that is left out anyway may have any.
+            assert_eq!(PointCloud::new(&[[far, f64::NAN, 0.0]]).unwrap().dropped(), 1);
+        }
+        let huge = Transform { translation: [1e200, 0.0, 0.0], ..Transform::IDENTITY };
+        assert!(matches!(same.transformed(&huge), Err(Error::Extent { .. })));
+        for far in [1e16, 1e74, 1e-16] {
             let cloud = PointCloud::new(&[[0.0; 3], [far, 0.0, 0.0]]);
             assert!(matches!(cloud, Err(Error::Extent { .. })), "{far}");
         }
-        let wide = PointCloud::new(&[[-1.7e308, 0.0, 0.0], [1.7e308, 0.0, 0.0]]);
+        let wide = PointCloud::new(&[[-1e75, 0.0, 0.0], [1e75, 0.0, 0.0]]);
         assert!(matches!(wide, Err(Error::Extent { .. })));
     }
 

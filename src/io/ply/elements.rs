@@ -8,7 +8,8 @@ use ply_rs_bw::ply::{
     ScalarType,
 };
 
-use crate::io::columns::{Kind, Vertex, slot};
+use crate::cloud::ColorDepth;
+use crate::io::columns::{Kind, Vertex, color, slot};
 use crate::io::fault::{Fault, check_claim, shown};
 use crate::io::lines::{Lines, number};
 
@@ -65,6 +66,22 @@ impl Body<'_> {
                 check_claim(&what, count, smallest(smallest_size), content.len() - at)
                     .map_err(|what| Fault::byte(*at, what))
             }
+        }
+    }
+
+    /// Where the next element begins, in bytes; 0 where lines are counted.
+    pub(super) fn start(&self) -> usize {
+        match self {
+            Body::Ascii(_) => 0,
+            Body::Binary { at, .. } => *at,
+        }
+    }
+
+    /// A fault in the element that was read last, which began at byte `start`.
+    pub(super) fn fault(&self, start: usize, what: String) -> Fault {
+        match self {
+            Body::Ascii(lines) => Fault::line(lines.number(), what),
+            Body::Binary { .. } => Fault::byte(start, what),
         }
     }
 
@@ -137,15 +154,19 @@ pub(super) fn is_scalar(kind: &PropertyType) -> bool {
     matches!(kind, PropertyType::Scalar(_))
 }
 
-/// What colours have in one byte or two are shares of what those hold.
-pub(super) fn kind(property: &PropertyDef) -> Kind {
-    let colour = ["red", "green", "blue", "alpha"];
-    let is_colour = colour.iter().any(|name| name.eq_ignore_ascii_case(&property.name));
-    match property.data_type {
-        PropertyType::Scalar(ScalarType::UChar) if is_colour => Kind::Of(255.0),
-        PropertyType::Scalar(ScalarType::UShort) if is_colour => Kind::Of(65535.0),
-        _ => Kind::Of(1.0),
+/// Colours are whole numbers in one byte or two; `name` is that of the channel.
+pub(super) fn kind(name: &str, property: &PropertyDef) -> Kind {
+    match (color(name), &property.data_type) {
+        (Some(_), PropertyType::Scalar(ScalarType::UChar)) => Kind::Color(ColorDepth::Eight),
+        (Some(_), PropertyType::Scalar(ScalarType::UShort)) => Kind::Color(ColorDepth::Sixteen),
+        _ => Kind::Number,
     }
+}
+
+/// Whether f32 holds all values of a scalar in binary.
+pub(super) fn is_single(kind: &PropertyType) -> bool {
+    use ScalarType::{Char, Float, Short, UChar, UShort};
+    matches!(kind, PropertyType::Scalar(Char | UChar | Short | UShort | Float))
 }
 
 /// Bytes that a property takes at least: a list may be empty.

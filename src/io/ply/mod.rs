@@ -13,18 +13,16 @@ use std::collections::HashSet;
 use std::io::{self, Write};
 
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Header};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyDef, PropertyType};
 
 use self::elements::Body;
-use super::columns::{Columns, Kind, Vertex};
-use super::fault::{Fault, shown};
-use super::fields::{extra_names, is_single, write_binary};
+use super::columns::{Columns, Vertex};
+use super::differences::{Differences, short};
+use super::fault::{Fault, LONGEST_HEADER, shown};
+use super::layout::{Layout, Stored, is_single, write_binary};
 use super::lines::Lines;
 use super::table::Table;
-use crate::cloud::PointCloud;
-
-/// The longest header that is read, bytes.
-const LONGEST_HEADER: usize = 1 << 20;
+use crate::cloud::{ColorDepth, PointCloud};
 
 /// Reads the vertices; elements before them are skipped, those after not looked at.
 pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
@@ -33,7 +31,22 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     for element in header.elements.values().take_while(|element| element.name != "vertex") {
         skip(&mut body, element)?;
     }
-    vertices.read(&mut body)
+    Ok(vertices.read(&mut body, false)?.without(differences(&header, &vertices)))
+}
+
+/// What a cloud does not have of the file, whatever its points are.
+fn differences(header: &Header, vertices: &Vertices<'_>) -> Differences {
+    let mut differences = Differences::default();
+    for element in header.elements.values().filter(|element| element.name != "vertex") {
+        differences.leave_out_all(element.count, &short(&element.name));
+    }
+    for property in vertices.element.properties.values() {
+        if let PropertyType::List(..) = property.data_type {
+            differences.leave_out(format!("the list {}", short(&property.name)));
+        }
+    }
+    differences.leave_out_all(header.comments.len() + header.obj_infos.len(), "comment");
+    differences
 }
 
 /// Reads the vertices, and the corners of the triangles that the faces or the range grid
@@ -49,7 +62,7 @@ pub(super) fn parse_mesh(content: &[u8]) -> Result<(Table, Vec<[u32; 3]>), Fault
     for element in header.elements.values() {
         let known = vertices.element.count;
         match element.name.as_str() {
-            "vertex" => table = Some(vertices.read(&mut body)?),
+            "vertex" => table = Some(vertices.read(&mut body, true)?),
             "face" => faces.extend(surface::faces(&mut body, element, known)?),
             "range_grid" => {
                 faces.extend(surface::range_grid(&mut body, element, known, &header.obj_infos)?);
@@ -65,27 +78,41 @@ pub(super) fn parse_mesh(content: &[u8]) -> Result<(Table, Vec<[u32; 3]>), Fault
 struct Vertices<'a> {
     element: &'a ElementDef,
     columns: Columns,
+    /// Whether f32 holds the coordinates in binary.
+    is_single: bool,
 }
 
 impl<'a> Vertices<'a> {
     fn of(header: &'a Header) -> Result<Self, Fault> {
         let element = header.elements.get("vertex");
         let element = element.ok_or_else(|| Fault::new("the header has no element vertex"))?;
-        let scalars = element.properties.values().filter(|p| elements::is_scalar(&p.data_type));
-        let columns = Columns::named(scalars.map(|property| property.name.as_str()))
+        let is_scalar = |property: &&PropertyDef| elements::is_scalar(&property.data_type);
+        let scalars: Vec<&PropertyDef> = element.properties.values().filter(is_scalar).collect();
+        let names = scalars.iter().map(|property| Some(property.name.as_str()));
+        let columns = Columns::named(names)
             .map_err(|what| Fault::new(format!("in the properties of element vertex, {what}")))?
-            .of_kinds(|name, _| match element.properties.get(name) {
-                Some(property) => elements::kind(property),
-                None => Kind::Of(1.0),
-            });
-        Ok(Vertices { element, columns })
+            .of_kinds(|name, column| elements::kind(name, scalars[column]));
+        let is_single =
+            columns.places().iter().all(|&place| elements::is_single(&scalars[place].data_type));
+        Ok(Vertices { element, columns, is_single })
     }
 
-    fn read(&self, body: &mut Body<'_>) -> Result<Table, Fault> {
+    /// Reads all of them; those that are not finite, too, if it `keeps_all`.
+    fn read(&self, body: &mut Body<'_>, keeps_all: bool) -> Result<Table, Fault> {
         let count = body.check_count(self.element)?;
-        let mut table = Table::new(count, &self.columns);
+        // Ascii may have more digits than its type.
+        let mut table = match body {
+            Body::Binary { .. } if self.is_single => Table::single(count, &self.columns),
+            _ => Table::new(count, &self.columns),
+        };
+        if keeps_all {
+            table = table.keeping_all();
+        }
         for index in 0..count {
-            table.push(body.next::<Vertex>(self.element, index)?);
+            let start = body.start();
+            let vertex = body.next::<Vertex>(self.element, index)?;
+            let pushed = table.push(&vertex);
+            pushed.map_err(|what| body.fault(start, format!("vertex {index}: {what}")))?;
         }
         Ok(table)
     }
@@ -101,7 +128,11 @@ fn skip(body: &mut Body<'_>, element: &ElementDef) -> Result<(), Fault> {
 }
 
 /// Writes a binary little endian file.
-pub(super) fn write(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
+pub(super) fn write(
+    out: &mut dyn Write,
+    cloud: &PointCloud,
+    layout: &Layout<'_>,
+) -> io::Result<()> {
     let coordinate = if is_single(cloud) { "float" } else { "double" };
     writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", cloud.len())?;
     for name in ["x", "y", "z"] {
@@ -110,9 +141,17 @@ pub(super) fn write(out: &mut dyn Write, cloud: &PointCloud) -> io::Result<()> {
     if cloud.normals().is_some() {
         writeln!(out, "property float nx\nproperty float ny\nproperty float nz")?;
     }
-    extra_names(cloud).iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
+    for field in &layout.fields {
+        let kind = match field.stored {
+            Stored::Level(ColorDepth::Eight, _) => "uchar",
+            Stored::Level(ColorDepth::Sixteen, _) => "ushort",
+            Stored::Double(_) => "double",
+            Stored::Float(_) | Stored::Packed(..) => "float",
+        };
+        writeln!(out, "property {kind} {}", field.name)?;
+    }
     writeln!(out, "end_header")?;
-    write_binary(out, cloud)
+    write_binary(out, cloud, layout)
 }
 
 /// The header, and the body that it announces.
@@ -148,7 +187,7 @@ fn header_size(content: &[u8]) -> Result<(usize, usize), Fault> {
         let is_new = match (words.next(), words.next(), words.last()) {
             (Some("end_header"), ..) => return Ok((bytes, index + 1)),
             (Some("element"), Some(name), _) => {
-                properties.clear();
+                properties = HashSet::new();
                 elements.insert(name.to_owned())
             }
             (Some("property"), _, Some(name)) => properties.insert(name.to_owned()),

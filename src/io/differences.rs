@@ -1,0 +1,105 @@
+//! In what a file and a cloud differ: what is left out, and what is changed.
+
+use std::fmt;
+
+/// In what a file and the cloud that it is read into, or that is written to it, differ.
+///
+/// As text it is one line, which says the first few of each: `left out: 69451 faces, 2 comments;
+/// changed: a.b is called a_b`.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Differences {
+    /// Nouns: what one has and the other does not.
+    pub left_out: Vec<String>,
+    /// Clauses: what the other has in another way.
+    pub changed: Vec<String>,
+}
+
+impl Differences {
+    /// Whether one has all that the other has.
+    pub fn is_empty(&self) -> bool {
+        self.left_out.is_empty() && self.changed.is_empty()
+    }
+
+    /// These, then `others`.
+    pub fn and(mut self, others: Differences) -> Differences {
+        self.left_out.extend(others.left_out);
+        self.changed.extend(others.changed);
+        self
+    }
+
+    /// Adds something that is left out.
+    pub(super) fn leave_out(&mut self, what: impl Into<String>) {
+        self.left_out.push(what.into());
+    }
+
+    /// Adds `count` things that are left out, if there are any; `one` is a singular.
+    pub(super) fn leave_out_all(&mut self, count: usize, one: &str) {
+        match count {
+            0 => {}
+            1 => self.leave_out(format!("1 {one}")),
+            _ => self.leave_out(format!("{count} {one}s")),
+        }
+    }
+
+    /// Adds something that is changed.
+    pub(super) fn change(&mut self, what: impl Into<String>) {
+        self.changed.push(what.into());
+    }
+
+    /// Adds a name that is changed.
+    pub(super) fn rename(&mut self, from: &str, to: &str) {
+        let from = if from.is_empty() { "a column without a name".into() } else { short(from) };
+        self.change(format!("{from} is called {}", short(to)));
+    }
+}
+
+impl fmt::Display for Differences {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const MOST: usize = 8;
+        let listed = |all: &[String]| {
+            let first = all[..all.len().min(MOST)].join(", ");
+            match all.len().saturating_sub(MOST) {
+                0 => first,
+                more => format!("{first} and {more} more"),
+            }
+        };
+        if !self.left_out.is_empty() {
+            write!(f, "left out: {}", listed(&self.left_out))?;
+        }
+        if !self.changed.is_empty() {
+            let gap = if self.left_out.is_empty() { "" } else { "; " };
+            write!(f, "{gap}changed: {}", listed(&self.changed))?;
+        }
+        Ok(())
+    }
+}
+
+/// A name as it fits into a line: without control characters, its start where it is long.
+pub(super) fn short(name: &str) -> String {
+    const LONGEST: usize = 40;
+    let plain = |c: char| if c.is_control() { '?' } else { c };
+    let start: String = name.chars().take(LONGEST).map(plain).collect();
+    if start.len() < name.len() { start + "..." } else { start }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_line_says_the_first_few() {
+        let mut differences = Differences::default();
+        assert!(differences.is_empty() && differences.to_string().is_empty());
+        differences.leave_out_all(0, "face");
+        differences.rename("a.b", "a_b");
+        assert_eq!(differences.to_string(), "changed: a.b is called a_b");
+        differences.leave_out_all(2, "comment");
+        for k in 0..12 {
+            differences.rename(&"x\n".repeat(40), &format!("c{k}"));
+        }
+        let text = differences.to_string();
+        assert!(text.starts_with("left out: 2 comments; changed: a.b is called a_b, x?x?"));
+        assert!(text.ends_with("is called c6 and 5 more") && text.lines().count() == 1, "{text}");
+    }
+}

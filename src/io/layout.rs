@@ -1,0 +1,247 @@
+//! What a cloud is written with: coordinates, then what its points have beside, as each format
+//! holds it.
+
+use std::io::{self, Write};
+
+use super::columns::{COLORS, color};
+use super::differences::{Differences, short};
+use super::names::{Names, spelled};
+use crate::cloud::{Channels, ColorDepth, PointCloud};
+
+/// The fields beside positions and normals that a cloud is written with.
+#[derive(Default)]
+pub(super) struct Layout<'a> {
+    pub fields: Vec<Field<'a>>,
+    /// In what they differ from what the cloud has.
+    pub differences: Differences,
+}
+
+/// A field beside positions and normals.
+pub(super) struct Field<'a> {
+    pub name: String,
+    pub stored: Stored<'a>,
+}
+
+/// How the values of a field are stored.
+#[derive(Clone, Copy)]
+pub(super) enum Stored<'a> {
+    Float(&'a [f32]),
+    /// As f64, where a float of that name would be taken for something else.
+    Double(&'a [f32]),
+    /// A colour, from 0 to 1, as a whole number.
+    Level(ColorDepth, &'a [f32]),
+    /// Red, green and blue in one byte each of a number, and opacity if there is any.
+    Packed([&'a [f32]; 3], Option<&'a [f32]>),
+}
+
+/// Whether the coordinates of `cloud` are f32, and lose nothing when written so.
+pub(super) fn is_single(cloud: &PointCloud) -> bool {
+    cloud.origin() == [0.0; 3]
+}
+
+impl<'a> Layout<'a> {
+    /// As PLY has it: colours in bytes, or in two each; names are letters, digits, _ and -.
+    pub fn ply(cloud: &'a PointCloud) -> Self {
+        let stored = |name: &str, values| match cloud.channels().color_depth(name) {
+            Some(depth) => Stored::Level(depth, values),
+            None => Stored::Float(values),
+        };
+        let spell = |name: &str| {
+            let name = spelled(name, |c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+            let fits = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
+            if fits { name } else { format!("_{name}") }
+        };
+        let mut layout = Layout::new(cloud, &[], spell, stored);
+        layout.leave_out_viewpoint(cloud);
+        layout
+    }
+
+    /// As PCD has it: colours packed into one number; names are ASCII without spaces, but not _.
+    pub fn pcd(cloud: &'a PointCloud) -> Self {
+        let channels = cloud.channels();
+        let of_color = |name| channels.color_depth(name).and_then(|_| channels.get(name));
+        let colors = || Some([of_color("red")?, of_color("green")?, of_color("blue")?]);
+        let packed = colors().map(|colors| Stored::Packed(colors, of_color("alpha")));
+        // Its name is not for another field.
+        let (taken, is_packed): (&[&str], _) = match packed {
+            Some(Stored::Packed(_, Some(_))) => (&["rgba"], [true; 4]),
+            Some(_) => (&["rgb"], [true, true, true, false]),
+            None => (&[], [false; 4]),
+        };
+        let spell = |name: &str| {
+            let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+            let name = spelled(name, fits);
+            if name.is_empty() || name == "_" { "column".into() } else { name }
+        };
+        let stored = |_: &str, values| Stored::Float(values);
+        let mut layout = Layout::new(cloud, taken, spell, stored);
+        for field in &mut layout.fields {
+            // Four bytes of that name are colours.
+            if let ("rgb" | "rgba", Stored::Float(values)) =
+                (field.name.to_ascii_lowercase().as_str(), field.stored)
+            {
+                field.stored = Stored::Double(values);
+            }
+        }
+        let is_packed = |name: &str| color(name).is_some_and(|color| is_packed[color]);
+        let first = layout.fields.iter().position(|field| is_packed(&field.name));
+        layout.fields.retain(|field| !is_packed(&field.name));
+        for name in COLORS {
+            match channels.color_depth(name) {
+                Some(ColorDepth::Sixteen) if is_packed(name) => {
+                    layout.differences.change(format!("{name} is rounded from 16 to 8 bits"));
+                }
+                Some(_) if !is_packed(name) => layout.number_from(name),
+                _ => {}
+            }
+        }
+        if let Some(stored) = packed {
+            let field = Field { name: taken[0].into(), stored };
+            layout.fields.insert(first.unwrap_or(0), field);
+        }
+        if cloud.viewpoint() == Some([0.0; 3]) {
+            let what = "the viewpoint at 0 0 0, which PCD has where none is known (register with \
+                        --viewpoints origin)";
+            layout.differences.leave_out(what);
+        }
+        layout
+    }
+
+    /// As text has it: whole numbers for colours that are known by them; where names are a line
+    /// of their own (`bare`), none begins with a digit.
+    pub fn text(cloud: &'a PointCloud, bare: bool) -> Self {
+        let whole = whole_colors(cloud.channels());
+        let stored = |name: &str, values| match cloud.channels().color_depth(name) {
+            Some(depth) if Some(depth) == whole => Stored::Level(depth, values),
+            _ => Stored::Float(values),
+        };
+        let spell = |name: &str| match name.starts_with(|c: char| c.is_ascii_digit()) {
+            true if bare => format!("_{name}"),
+            _ => name.into(),
+        };
+        let mut layout = Layout::new(cloud, &[], spell, stored);
+        for name in cloud.channels().names() {
+            let depth = cloud.channels().color_depth(name);
+            if depth.is_some() && depth != whole {
+                layout.number_from(name);
+            }
+        }
+        layout.leave_out_viewpoint(cloud);
+        layout
+    }
+
+    /// Weights, then channels, under names that `spell` makes and none of which is `taken`.
+    fn new(
+        cloud: &'a PointCloud,
+        taken: &[&str],
+        spell: impl Fn(&str) -> String,
+        stored: impl Fn(&str, &'a [f32]) -> Stored<'a>,
+    ) -> Self {
+        let mut layout = Layout::default();
+        if let Some(weights) = cloud.weights() {
+            layout.fields.push(Field { name: "weight".into(), stored: Stored::Float(weights) });
+        }
+        let mut names = Names::default();
+        for name in Channels::TAKEN.iter().chain(taken) {
+            names.take((*name).into());
+        }
+        // Those that stay go first: what is changed makes way for them.
+        let name = |name| {
+            let name = spell(name);
+            if Channels::is_name(&name) { name } else { format!("_{name}") }
+        };
+        let spelled: Vec<String> = cloud.channels().names().map(name).collect();
+        let mut own: Vec<Option<String>> = (cloud.channels().names().zip(&spelled))
+            .map(|(name, spelled)| (name == spelled).then(|| names.take(spelled.clone())))
+            .collect();
+        for (own, spelled) in own.iter_mut().zip(spelled) {
+            own.get_or_insert_with(|| names.take(spelled));
+        }
+        for ((name, values), own) in cloud.channels().iter().zip(own.into_iter().flatten()) {
+            if own != name {
+                layout.differences.rename(name, &own);
+            }
+            layout.fields.push(Field { name: own, stored: stored(name, values) });
+        }
+        layout
+    }
+
+    /// Notes that a colour is written as a number.
+    fn number_from(&mut self, name: &str) {
+        self.differences.change(format!("{} is a number from 0 to 1, no colour", short(name)));
+    }
+
+    fn leave_out_viewpoint(&mut self, cloud: &PointCloud) {
+        if let Some([x, y, z]) = cloud.viewpoint() {
+            self.differences.leave_out(format!(
+                "the viewpoint, which only PCD keeps (register with --orientation {x},{y},{z})"
+            ));
+        }
+    }
+}
+
+/// The depth of red, green and blue, where whole numbers of text would be read as such.
+fn whole_colors(channels: &Channels) -> Option<ColorDepth> {
+    let depth = channels.color_depth("red")?;
+    let rest = ["green", "blue"].map(|name| channels.color_depth(name));
+    let names = &COLORS[..3];
+    let mut values = names.iter().filter_map(|name| channels.get(name)).flatten();
+    // Colours of 16 bits that use but 8 of them would be read as such.
+    let used = depth == ColorDepth::Eight || values.any(|&value| depth.level(value) > 255);
+    (rest == [Some(depth); 2] && used).then_some(depth)
+}
+
+impl Field<'_> {
+    /// Writes the value at point `i`, little endian.
+    pub fn write_binary(&self, out: &mut dyn Write, i: usize) -> io::Result<()> {
+        match self.stored {
+            Stored::Float(values) => out.write_all(&values[i].to_le_bytes()),
+            Stored::Double(values) => out.write_all(&f64::from(values[i]).to_le_bytes()),
+            Stored::Level(ColorDepth::Eight, values) => {
+                out.write_all(&[ColorDepth::Eight.level(values[i]) as u8])
+            }
+            Stored::Level(depth, values) => out.write_all(&depth.level(values[i]).to_le_bytes()),
+            Stored::Packed([red, green, blue], alpha) => {
+                let byte = |values: &[f32]| ColorDepth::Eight.level(values[i]) as u8;
+                // Bits of opacity would make some floats NaN.
+                out.write_all(&[byte(blue), byte(green), byte(red), alpha.map_or(0, byte)])
+            }
+        }
+    }
+
+    /// Writes the value at point `i` as text.
+    pub fn write_text(&self, out: &mut dyn Write, i: usize) -> io::Result<()> {
+        match self.stored {
+            Stored::Level(depth, values) => write!(out, "{}", depth.level(values[i])),
+            Stored::Float(values) | Stored::Double(values) => write!(out, "{:?}", values[i]),
+            // No text has any.
+            Stored::Packed([red, ..], _) => write!(out, "{:?}", red[i]),
+        }
+    }
+}
+
+/// Writes the rows in binary, little endian: x, y, z as f32 or f64 as
+/// [`is_single`] says, then the normal, as f32, if the cloud has normals, and the fields.
+pub(super) fn write_binary(
+    out: &mut dyn Write,
+    cloud: &PointCloud,
+    layout: &Layout<'_>,
+) -> io::Result<()> {
+    let single = is_single(cloud);
+    for (i, (point, position)) in cloud.points().iter().zip(cloud.positions()).enumerate() {
+        if single {
+            write_floats(out, point)?;
+        } else {
+            position.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
+        }
+        if let Some(normals) = cloud.normals() {
+            write_floats(out, &normals[i])?;
+        }
+        layout.fields.iter().try_for_each(|field| field.write_binary(out, i))?;
+    }
+    Ok(())
+}
+
+fn write_floats(out: &mut dyn Write, values: &[f32; 3]) -> io::Result<()> {
+    values.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+}

@@ -1,0 +1,51 @@
+//! The bytes of a file.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+use super::fault::Fault;
+use crate::error::{Error, Result};
+
+/// Most bytes that are read from a pipe, whose length nobody knows before its end: 256 MiB, or 16
+/// million points of single precision. Chosen by hand.
+pub const LONGEST_STREAM: u64 = 256 << 20;
+
+/// The bytes of a file, or of a pipe, that is there and not empty.
+///
+/// No devices: they have no end that a header could be weighed against. A file that grows while
+/// it is read is read as far as a pipe.
+pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
+    let refuse = |source| Error::io(path, source);
+    // Before it is opened, which waits where nobody writes to a pipe.
+    let kind = std::fs::metadata(path).map_err(refuse)?;
+    if !kind.is_file() && !is_pipe(&kind) {
+        let what =
+            if kind.is_dir() { "is a directory" } else { "is neither a regular file nor a pipe" };
+        return Err(refuse(io::Error::new(ErrorKind::InvalidInput, what)));
+    }
+    let mut content = Vec::new();
+    let limit = kind.len().max(LONGEST_STREAM);
+    let mut file = File::open(path).map_err(refuse)?;
+    let size = usize::try_from(kind.len()).unwrap_or(usize::MAX).saturating_add(1);
+    content.try_reserve_exact(size).map_err(|error| refuse(io::Error::other(error)))?;
+    let read = (&mut file).take(limit).read_to_end(&mut content).map_err(refuse)?;
+    if read as u64 == limit && file.read(&mut [0]).map_err(refuse)? > 0 {
+        let what = format!("a pipe is read up to {limit} bytes, and it has more: use a file");
+        return Err(Fault::new(what).within(path));
+    }
+    if content.is_empty() {
+        return Err(Fault::new("is empty").within(path));
+    }
+    Ok(content)
+}
+
+#[cfg(unix)]
+fn is_pipe(kind: &std::fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&kind.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_kind: &std::fs::Metadata) -> bool {
+    false
+}

@@ -1,0 +1,85 @@
+//! The header of a PCD file, weighed before pcd-rs reads it.
+
+use std::collections::HashMap;
+
+use crate::io::fault::{Fault, LONGEST_HEADER, shown};
+
+/// The header as text, with what is needed to tell where it is wrong.
+#[derive(Default)]
+pub(super) struct Head {
+    pub text: String,
+    pub bytes: usize,
+    /// The line of each entry, by its keyword.
+    lines: HashMap<String, usize>,
+    pub last: usize,
+    /// Comments, without the line that says what the file is.
+    pub comments: usize,
+}
+
+impl Head {
+    /// Finds the end of the header and checks each entry's numbers on the way: pcd-rs
+    /// says neither which entry was no number nor that one was there twice.
+    pub fn parse(content: &[u8]) -> Result<Head, Fault> {
+        let start = &content[..content.len().min(LONGEST_HEADER)];
+        let mut head = Head::default();
+        for line in start.split_inclusive(|&byte| byte == b'\n') {
+            head.bytes += line.len();
+            head.last += 1;
+            // Comments come in any encoding; everything that counts is ascii.
+            let line = String::from_utf8_lossy(line);
+            head.text.push_str(&line);
+            head.comments += usize::from(line.contains('#') && !line.starts_with("# .PCD"));
+            let mut words = line.split('#').next().unwrap_or_default().split_ascii_whitespace();
+            let Some(keyword) = words.next().map(str::to_uppercase) else { continue };
+            check_numbers(&keyword, words).map_err(|what| Fault::line(head.last, what))?;
+            let is_data = keyword == "DATA";
+            if let Some(first) = head.lines.insert(keyword, head.last) {
+                let what = format!("repeats the entry of line {first}");
+                return Err(Fault::line(head.last, what));
+            }
+            if is_data {
+                return Ok(head);
+            }
+        }
+        Err(Fault::new(format!("there is no DATA entry in the first {} bytes", start.len())))
+    }
+
+    /// A fault in the entry `keyword`.
+    pub fn at(&self, keyword: &str, what: String) -> Fault {
+        match self.lines.get(keyword) {
+            Some(&line) => Fault::line(line, what),
+            None => Fault::new(what),
+        }
+    }
+
+    /// What pcd-rs refused, in the line of the entry that it speaks of.
+    pub fn fault(&self, error: pcd_rs::Error) -> Fault {
+        let what = match error {
+            pcd_rs::Error::ParseError { desc, .. } => desc,
+            other => other.to_string(),
+        };
+        let mut words = what.split_whitespace().map(str::to_uppercase);
+        let entry = words.find(|word| self.lines.contains_key(word)).unwrap_or_default();
+        self.at(&entry, format!("the header is not understood: {what}"))
+    }
+}
+
+/// Checks that an entry's values are the numbers that its keyword calls for.
+fn check_numbers<'a>(
+    keyword: &str,
+    mut values: impl Iterator<Item = &'a str>,
+) -> Result<(), String> {
+    let is_count = |value: &str| value.parse::<u64>().is_ok();
+    let is_finite = |value: &str| value.parse().is_ok_and(f64::is_finite);
+    let (bad, expected) = match keyword {
+        "SIZE" | "COUNT" | "WIDTH" | "HEIGHT" | "POINTS" => {
+            (values.find(|value| !is_count(value)), "a whole number, 0 or more")
+        }
+        "VIEWPOINT" => (values.find(|value| !is_finite(value)), "a finite number"),
+        _ => (None, ""),
+    };
+    match bad {
+        Some(value) => Err(format!("{keyword} has {}, expected {expected}", shown(value))),
+        None => Ok(()),
+    }
+}
