@@ -173,7 +173,8 @@ pub fn parquet(data: &[u8]) {
 pub fn rows(data: &[u8]) {
     let json = data.trim_ascii_start().first() == Some(&b'{');
     let path = door::file(if json { "rows.jsonl" } else { "rows.csv" }, data);
-    let read = heard(bounded(data.len(), ROWS + 100 * data.len(), || results::read(&path)), Some(&path));
+    let read =
+        heard(bounded(data.len(), ROWS + 100 * data.len(), || results::read(&path)), Some(&path));
     if let Some(text) = std::str::from_utf8(data).ok().filter(|_| json) {
         let parsed = heard(results::parse(text), None);
         assert_eq!(parsed, read, "a text is read otherwise than a file");

@@ -130,8 +130,7 @@ impl Convert {
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;
-        let (mut cloud, differences) =
-            reading::read_with_differences(&self.input, &self.thinning)?;
+        let (mut cloud, differences) = reading::read_with_differences(&self.input, &self.thinning)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::options::MethodOptions;
 use super::pictured::Pictures;
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading, say};
-use crate::cloud::{PointCloud, Viewpoints};
+use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::method::{Method, Register as _, Registration};

@@ -46,7 +46,7 @@ mod table;
 mod text;
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::cloud::{Mesh, PointCloud};
