@@ -51,9 +51,6 @@ mod _native {
     use super::files::{read, write};
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
-    #[cfg(debug_assertions)]
-    #[pymodule_export]
-    use super::panics::panic_for_tests;
     #[pymodule_export]
     use super::registration::{evaluate, is_usable, judge, register, rotation_vector, settings};
     #[pymodule_export]
@@ -68,6 +65,8 @@ mod _native {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::panics::note_places();
+        #[cfg(debug_assertions)]
+        super::panics::register(module)?;
         super::detached::register(module)
     }
 }

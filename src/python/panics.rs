@@ -43,20 +43,32 @@ pub(super) fn exception(panic: Box<dyn Any + Send>) -> PyErr {
     InternalError::new_err(format!("a bug in cfreg, please report it: {text}{place}"))
 }
 
-/// Panics in long work, in a loop on several threads or on the way there: for tests, in builds
-/// without optimisation for release only.
+/// Gives tests something that panics: in builds for development only, and not among the public names.
+#[cfg(debug_assertions)]
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.setattr("_panic", wrap_pyfunction!(panic_for_tests, module)?)
+}
+
+/// Panics in long work, in a loop on several threads, without the interpreter or on the way there.
 #[cfg(debug_assertions)]
 #[pyfunction]
 #[pyo3(name = "_panic")]
-pub(super) fn panic_for_tests(py: Python<'_>, place: &str) -> PyResult<()> {
-    let fail = || -> () { panic!("asked for in {place}") };
+fn panic_for_tests(py: Python<'_>, place: &str) -> PyResult<()> {
     match place {
-        "work" => super::doorway::released(py, || Ok(fail())),
-        "loop" => super::doorway::released(py, || {
-            crate::par::map(64, || (), |_, _| fail());
+        "work" => super::doorway::released(py, || {
+            fail(place);
             Ok(())
         }),
-        "detached" => super::detached::detached(py, fail),
-        _ => caught(fail),
+        "loop" => super::doorway::released(py, || {
+            crate::par::map(64, || (), |_, _| fail(place));
+            Ok(())
+        }),
+        "detached" => super::detached::detached(py, || fail(place)),
+        _ => caught(|| fail(place)),
     }
+}
+
+#[cfg(debug_assertions)]
+fn fail(place: &str) {
+    panic!("asked for in {place}")
 }

@@ -272,8 +272,10 @@ class Doors(unittest.TestCase):
         tried = answered = 0
         wrong = []
         values = oddities()
+        self.addCleanup(os.chdir, os.getcwd())
         with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            os.chdir(folder)  # a path in bytes is written there
             for door, call in doors(folder).items():
                 for what, value in values.items():
                     tried += 1
