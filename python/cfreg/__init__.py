@@ -23,7 +23,8 @@ interpreter while it computes; Ctrl-C ends it.
 Errors: an Error, which is a ValueError, naming the argument: ShapeError, NonFiniteError,
 SettingError, FileFormatError, ExtentError, or Error itself for what is no array of numbers;
 RegistrationError where the clouds do not determine an answer: TooFewPointsError, NoWeightError,
-DegenerateError. TypeError for what is no method, kernel or setting at all.
+DegenerateError; InternalError for a bug. TypeError for what is no method, kernel or setting at all,
+OSError for files that cannot be read or written.
 """
 
 from . import pairs, weights
@@ -32,6 +33,7 @@ from ._native import (
     Error,
     ExtentError,
     FileFormatError,
+    InternalError,
     Moments,
     NonFiniteError,
     NoWeightError,
@@ -95,6 +97,7 @@ __all__ = [
     "ExtentError",
     "FileFormatError",
     "ICP",
+    "InternalError",
     "Judgement",
     "KC",
     "METHODS",

@@ -1,6 +1,6 @@
 """Types of the compiled part; tests compare them with it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Final, TypeAlias, final
 
@@ -15,6 +15,7 @@ __all__ = [
     "Error",
     "ExtentError",
     "FileFormatError",
+    "InternalError",
     "Moments",
     "NoWeightError",
     "NonFiniteError",
@@ -68,6 +69,7 @@ class ShapeError(Error): ...
 class SettingError(Error): ...
 class FileFormatError(Error): ...
 class ExtentError(Error): ...
+class InternalError(Error): ...
 
 @final
 class PointCloud:
@@ -77,7 +79,7 @@ class PointCloud:
         normals: Any = None,
         viewpoint: _Place | None = None,
         weights: Any = None,
-        channels: dict[str, Any] | None = None,
+        channels: Mapping[str, Any] | None = None,
     ) -> PointCloud: ...
     @property
     def weights(self) -> npt.NDArray[np.float32] | None: ...
@@ -187,7 +189,7 @@ def register(
     weights: Kernel | Weights | None = None,
     normalize: str = "none",
     initial: _Matrix | None = None,
-    matches: npt.NDArray[Any] | None = None,
+    matches: npt.ArrayLike | None = None,
 ) -> str: ...
 def register_batch(
     pairs: Sequence[tuple[str, str]] | str | PathLike[str],
@@ -217,7 +219,7 @@ def evaluate(
     max_distance: float | None = None,
     truth: _Matrix | None = None,
 ) -> str: ...
-def rotation_vector(matrix: npt.NDArray[np.float64]) -> list[float]: ...
+def rotation_vector(matrix: npt.NDArray[np.float64]) -> tuple[list[float], float]: ...
 def judge(
     source: _CloudLike, target: _CloudLike, transform: _Matrix, settings: str
 ) -> str: ...

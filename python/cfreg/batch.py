@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Union, overload
@@ -137,10 +138,10 @@ def register_batch(
     chosen = _made(method, settings)
     if isinstance(chosen, CF) and chosen._own_weights() is not None:
         rule = "only kernels that have a name are taken here"
-        raise _native.SettingError(f"weights = {chosen.weights!r}: {rule}")
+        raise _native.SettingError(f"weights = {_interop.shown(chosen.weights)}: {rule}")
     if voxel is not None and isinstance(chosen, Consensus):
         chosen, voxel = dataclasses.replace(chosen, voxel=voxel), None
-    given: dict[str, Any] = dict(clouds or {})
+    given = _by_name(clouds)
     options = {
         "threads": _count("threads", threads),
         "memory": _count("memory", memory),
@@ -181,23 +182,47 @@ def _named(pairs: Iterable[tuple[Any, Any]], clouds: dict[str, Any]) -> list[tup
             kept.append(cloud)
         return names[id(cloud)]
 
+    if not isinstance(pairs, Iterable) or isinstance(pairs, (bytes, bytearray, memoryview)):
+        rule = "pairs (source, target), or the file of a list, are needed"
+        raise TypeError(f"pairs: {rule}, not {_interop.shown(pairs)}")
     found = []
     for number, pair in enumerate(pairs):
         try:
+            if isinstance(pair, (str, bytes)):  # two letters are no pair
+                raise TypeError
             source, target = pair
-        except (TypeError, ValueError):
-            raise TypeError(f"pairs: number {number} is not a pair (source, target)") from None
+        except (TypeError, ValueError, NotImplementedError):
+            given = _interop.shown(pair)
+            rule = f"number {number} is not a pair (source, target), but {given}"
+            raise TypeError(f"pairs: {rule}") from None
         found.append((name(source), name(target)))
     return found
+
+
+def _by_name(clouds: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Clouds that pairs name."""
+    if clouds is None:
+        return {}
+    if not isinstance(clouds, Mapping):
+        raise TypeError(f"clouds: must be {{name: cloud}}, not {_interop.shown(clouds)}")
+    for name in clouds:
+        if not isinstance(name, str):
+            raise TypeError(f"clouds: names must be texts, not {_interop.shown(name)}")
+    return dict(clouds)
 
 
 def _count(name: str, value: Any) -> int:
     if isinstance(value, (int, np.integer)) and 0 <= value < 1 << 63:
         return int(value)
-    raise _native.SettingError(f"{name} = {value!r}: must be a whole number, at least 0")
+    raise _native.SettingError(f"{name} = {_interop.shown(value)}: must be a whole number, at least 0")
 
 
 def _number(name: str, value: Any) -> float | None:
-    if value is None or (isinstance(value, (int, float, np.number)) and np.isfinite(value)):
-        return None if value is None else float(value)
-    raise _native.SettingError(f"{name} = {value!r}: must be a number that is finite")
+    if value is None:
+        return None
+    try:
+        if isinstance(value, (int, float, np.number)) and math.isfinite(value):
+            return float(value)
+    except (TypeError, OverflowError):  # complex numbers, and whole ones beyond all floats
+        pass
+    raise _native.SettingError(f"{name} = {_interop.shown(value)}: must be a number that is finite")

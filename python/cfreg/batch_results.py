@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from . import _native
+from . import _interop, _native
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -54,6 +54,9 @@ class BatchResult:
     """
 
     def __init__(self, columns: Mapping[str, tuple[str, Any]]) -> None:
+        if not isinstance(columns, Mapping) or "index" not in columns:
+            rule = "must be what register_batch or read_batch have found"
+            raise _native.SettingError(f"columns: {rule}, not {_interop.shown(columns)}")
         self._kinds = {name: kind for name, (kind, _) in columns.items()}
         self._columns: dict[str, npt.NDArray[Any]] = {}
         for name, (kind, values) in columns.items():

@@ -10,12 +10,12 @@ the source: its pose is that in the frame of the earlier one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _native
+from . import _interop, _native
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -31,7 +31,12 @@ def consecutive(scans: Sequence[Any], steps: Sequence[int] = (1,)) -> list[tuple
     >>> cfreg.pairs.consecutive("abcd", [1, 3])
     [('b', 'a'), ('c', 'b'), ('d', 'c'), ('d', 'a')]
     """
-    return _of(scans, _native.consecutive(len(scans), list(steps)))
+    scans, steps = _list("scans", scans), _list("steps", steps)
+    for step in steps:
+        if not isinstance(step, (int, np.integer)) or not 0 < step < 1 << 63:
+            rule = "must be whole numbers above 0"
+            raise _native.SettingError(f"steps = {_interop.shown(step)}: {rule}")
+    return _of(scans, _native.consecutive(len(scans), [int(step) for step in steps]))
 
 
 def against(map: Any, scans: Sequence[Any]) -> list[tuple[Any, Any]]:
@@ -41,7 +46,7 @@ def against(map: Any, scans: Sequence[Any]) -> list[tuple[Any, Any]]:
     >>> cfreg.pairs.against("map.ply", ["a.ply", "b.ply"])
     [('a.ply', 'map.ply'), ('b.ply', 'map.ply')]
     """
-    return [(scan, map) for scan in scans]
+    return [(scan, map) for scan in _list("scans", scans)]
 
 
 def within(
@@ -55,11 +60,24 @@ def within(
     >>> cfreg.pairs.within("abc", [(0, 0, 0), (9, 0, 0), (3, 4, 0)], 5)
     [('c', 'a')]
     """
-    found = np.asarray(places, dtype=np.float64)
+    scans = _list("scans", scans)
+    found = _interop.array(places, "places")
+    if found.dtype.kind not in "iuf":
+        raise _native.Error(f"places must be numbers, not {found.dtype}")
     if found.shape != (len(scans), 3):
         expected = f"expected shape ({len(scans)}, 3), one a scan"
         raise _native.ShapeError(f"places: {expected}, found {found.shape}")
-    return _of(scans, _native.within(found.tolist(), radius))
+    return _of(scans, _native.within(found.astype(np.float64).tolist(), radius))
+
+
+def _list(name: str, given: Any) -> list[Any]:
+    """The items of what is a list, or can become one; neither the names nor the bytes of what has such."""
+    if not isinstance(given, (Mapping, bytes, bytearray, memoryview)) and not hasattr(given, "__dataframe__"):
+        try:
+            return list(given)
+        except TypeError:
+            pass
+    raise TypeError(f"{name}: a list is needed, not {_interop.shown(given)}")
 
 
 def _of(scans: Sequence[Any], pairs: Sequence[tuple[int, int]]) -> list[tuple[Any, Any]]:

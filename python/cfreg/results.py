@@ -259,6 +259,14 @@ class Registration:
 
     def __init__(self, facts: dict[str, Any], clouds: tuple[Any, Any] | None = None) -> None:
         own, facts = facts, copy.deepcopy(facts)  # what it shows may be written to
+        try:
+            self._take(own, facts, clouds)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
+            rule = "must be what to_dict() or `cfreg register --json` gives"
+            why = _interop.ends(f"{type(error).__name__}: {error}")
+            raise _native.SettingError(f"facts: {rule} ({why})") from None
+
+    def _take(self, own: dict[str, Any], facts: dict[str, Any], clouds: tuple[Any, Any] | None) -> None:
         transform = np.array(facts["transform"], dtype=np.float64)
         transform.setflags(write=False)
         before = facts.get("refined_from")
@@ -316,7 +324,8 @@ class Registration:
         return math.degrees(math.atan2(float(np.linalg.norm(sine)), float(np.trace(r)) - 1.0))
 
     def apply(self, cloud: Any) -> Any:
-        """`cloud`, of any kind that register takes, moved by the pose: the same kind again."""
+        """`cloud`, of any kind that register takes, moved by the pose: the same kind again, but a
+        PointCloud of the path of a file."""
         return _interop.moved(cloud, self.transform)
 
     def to_dict(self) -> dict[str, Any]:
@@ -341,6 +350,7 @@ class Registration:
         given = self._known(source, target)
         if given is None:
             raise _native.SettingError("source, target: not known of this result any more: give both")
+        path = os.fspath(path)  # numbers are files that are open to `open`
         page = _native.report(self.to_json(), *given)
         with open(path, "w", encoding="utf-8") as file:
             file.write(page)

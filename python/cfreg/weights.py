@@ -60,7 +60,10 @@ Weights = Callable[["npt.NDArray[np.float32]"], "npt.ArrayLike"]
 
 def sinkhorn(rounds: int) -> str:
     """The normalisation by `rounds` of Sinkhorn-Knopp, 1 to 1000; two passes each."""
-    name = f"sinkhorn:{rounds}"
+    if not isinstance(rounds, (int, np.integer)):
+        rule = "must be a whole number, 1 to 1000"
+        raise _native.SettingError(f"rounds = {_interop.shown(rounds)}: {rule}")
+    name = f"sinkhorn:{_interop.shown(rounds)}"
     _native.settings("cf", json.dumps({"normalize": name}))
     return name
 
@@ -76,7 +79,10 @@ class Kernel:
         computes them.
 
         Raises SettingError for a bandwidth "auto", which only descriptors tell."""
-        d2 = np.asarray(squared_distances, dtype=np.float32)
+        d2: Any = np.asarray(squared_distances)
+        if d2.dtype.kind not in "biuf":
+            raise _native.Error(f"squared_distances must be numbers, not {d2.dtype}")
+        d2 = d2.astype(np.float32)
         spec = self._compiled()
         if spec is None:
             return self._in_python(d2)
@@ -125,13 +131,13 @@ class _Catalogued(Kernel):
 
     def __post_init__(self) -> None:
         if isinstance(self.beta, bool) or not isinstance(self.beta, (str, float, int, np.number)):
-            raise TypeError(f"beta: a number or a word is needed, not {self.beta!r}")
+            raise TypeError(f"beta: a number or a word is needed, not {_interop.shown(self.beta)}")
         kernel = self._compiled()
         given = {"weights": kernel["kernel"], "beta": kernel["beta"]}
         _native.settings("cf", _interop.to_json(given))
 
     def _compiled(self) -> Any:
-        beta = self.beta if isinstance(self.beta, str) else float(self.beta)
+        beta = self.beta if isinstance(self.beta, str) else _float(self.beta)
         return {"kernel": self._name, "beta": beta}
 
 
@@ -180,7 +186,9 @@ class StudentT(_Catalogued):
     nu: float = 5.0
 
     def _compiled(self) -> Any:
-        return {**super()._compiled(), "kernel": f"student-t:{self.nu}"}
+        if not isinstance(self.nu, (int, float, np.number)):
+            raise TypeError(f"nu: a number is needed, not {_interop.shown(self.nu)}")
+        return {**super()._compiled(), "kernel": f"student-t:{_interop.shown(self.nu)}"}
 
 
 class Tukey(_Catalogued):
@@ -255,12 +263,13 @@ class _Times(Kernel):
     @classmethod
     def of(cls, factor: Any, kernel: Kernel) -> Kernel:
         if isinstance(kernel, cls):
-            return cls(float(factor) * kernel.factor, kernel.kernel)
-        return cls(float(factor), kernel)
+            return cls(_float(factor) * kernel.factor, kernel.kernel)
+        return cls(_float(factor), kernel)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.factor) and self.factor >= 0.0):
-            raise _native.SettingError(f"factor = {self.factor}: must be finite and not negative")
+            given = _interop.shown(self.factor)
+            raise _native.SettingError(f"factor = {given}: must be finite and not negative")
         self._check()
 
     def _compiled(self) -> Any:
@@ -283,11 +292,19 @@ def _kernel(weights: Any) -> Kernel:
     if callable(weights):
         return _Function(weights)
     rule = "a kernel or a function is needed; numbers only multiply"
-    raise TypeError(f"weights: {rule}, not {weights!r}")
+    raise TypeError(f"weights: {rule}, not {_interop.shown(weights)}")
 
 
 def _factor(kernel: Kernel) -> str:
     return f"({kernel!r})" if isinstance(kernel, _Sum) else repr(kernel)
+
+
+def _float(value: Any) -> float:
+    """A number, infinite where it is beyond all floats."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
 
 
 def _is_number(value: Any) -> bool:

@@ -7,10 +7,12 @@
 mod arun;
 mod horn_matrix;
 mod horn_quaternion;
+mod nearest;
 mod prior;
 mod walker;
 
 pub(crate) use horn_quaternion::product_form;
+pub use nearest::{MAX_ROTATION_ERROR, nearest_rotation};
 pub use prior::{Near, Prior};
 
 use std::fmt;

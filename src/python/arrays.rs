@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
 use super::detached::detached;
-use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite};
+use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite, shown};
 use crate::cloud::{Descriptors, Transform};
 use crate::error::Error as Failure;
 use crate::math::Vec3;
@@ -36,13 +36,18 @@ impl<'py> Table<'py> {
             let class = any.get_type().name()?;
             return Err(Error::new_err(format!("{name} must be an array of numbers, not {class}")));
         };
+        let (py, found) = (any.py(), array.dtype());
+        if found.has_fields() {
+            let fields = shown(&found.getattr("names")?);
+            let rule = "put those that are meant beside each other, as rows of numbers";
+            return Err(Error::new_err(format!("{name} has the fields {fields}: {rule}")));
+        }
         if !matches!(*array.shape(), [_, columns] if width.is_none_or(|width| width == columns)) {
             let width = width.map_or("D".into(), |width| width.to_string());
             let shape = any.getattr("shape")?;
             let message = format!("{name}: expected shape (N, {width}), found {shape}");
             return Err(ShapeError::new_err(message));
         }
-        let (py, found) = (any.py(), array.dtype());
         if found.is_equiv_to(&dtype::<f32>(py)) {
             return Ok(Table::F32(own_copy(any)?));
         }
@@ -76,11 +81,11 @@ impl<'py> Table<'py> {
         let bad = match self {
             Table::F32(table) => {
                 let values = table.as_slice()?;
-                detached(py, || bad(values, f32::is_finite))
+                detached(py, || bad(values, f32::is_finite))?
             }
             Table::F64(table) => {
                 let values = table.as_slice()?;
-                detached(py, || bad(values, f64::is_finite))
+                detached(py, || bad(values, f64::is_finite))?
             }
         };
         bad.map_or(Ok(()), |at| Err(non_finite(name, at / width)))
@@ -91,7 +96,7 @@ impl<'py> Table<'py> {
         Ok(match self {
             Table::F32(table) => {
                 let values = table.as_slice()?;
-                detached(py, || values.iter().map(|&x| f64::from(x)).collect())
+                detached(py, || values.iter().map(|&x| f64::from(x)).collect())?
             }
             Table::F64(table) => Cow::Borrowed(table.as_slice()?),
         })
@@ -174,11 +179,11 @@ pub(super) fn descriptors(
         (Table::F32(source), Table::F32(target)) => {
             let (source, target) = (source.as_slice()?, target.as_slice()?);
             let side = |values: &[f32]| Descriptors::new(from, values.to_vec());
-            detached(py, || Ok([side(source)?, side(target)?]))
+            detached(py, || Ok([side(source)?, side(target)?]))?
         }
         _ => {
             let (source, target) = (source.values(py)?, target.values(py)?);
-            detached(py, || Descriptors::both(from, &source, &target))
+            detached(py, || Descriptors::both(from, &source, &target))?
         }
     };
     both.map_err(exception)
@@ -186,20 +191,25 @@ pub(super) fn descriptors(
 
 /// Three numbers.
 pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
-    let refused = |_| SettingError::new_err(format!("{name} = {any}: must be three numbers"));
-    any.extract().map_err(refused)
+    any.extract().map_err(|_| {
+        SettingError::new_err(format!("{name} = {}: must be three numbers", shown(any)))
+    })
 }
 
 /// A (4, 4) matrix, of any kind of number.
 pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
-    let refused = |error: PyErr| {
-        let cause = error.value(any.py()).to_string();
-        ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers: {cause}"))
+    // A registration stands for its pose; data frames have a method of that name.
+    let matrix = any.getattr_opt("transform")?.filter(|matrix| !matrix.is_callable());
+    let matrix = matrix.unwrap_or_else(|| any.clone());
+    let found = as_array(&matrix, name).and_then(|array| Table::read(&array, name, Some(4)));
+    let refused = || {
+        let given = shown(&matrix);
+        ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers, not {given}"))
     };
-    // A registration stands for its pose.
-    let matrix = any.getattr_opt("transform")?.unwrap_or_else(|| any.clone());
-    let matrix = matrix.extract::<[[f64; 4]; 4]>().map_err(refused)?;
-    Transform::from_matrix(matrix).map_err(|error| about(name, error))
+    let table = found.map_err(|_| refused())?;
+    let rows: [[f64; 4]; 4] =
+        table.values(any.py())?.as_chunks().0.try_into().map_err(|_| refused())?;
+    Transform::from_matrix(rows).map_err(|error| about(name, error))
 }
 
 /// An array (N, `width`) of `values`, row after row.

@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use super::any_cloud::AnyCloud;
 use super::doorway::released;
-use super::errors::{SettingError, exception};
+use super::errors::{exception, real, refused};
 use super::foreign::BadRows;
 use super::registration::{Named, chain_of};
 use crate::batch::{
@@ -40,7 +40,7 @@ struct Settings {
 
 impl Settings {
     fn read(json: &str) -> PyResult<Settings> {
-        serde_json::from_str(json).map_err(|error| SettingError::new_err(error.to_string()))
+        serde_json::from_str(json).map_err(|error| refused("settings", error))
     }
 
     fn put(&self, batch: &mut Batch<'_>) -> crate::Result<()> {
@@ -192,7 +192,7 @@ pub(super) fn consecutive(count: usize, steps: Vec<usize>) -> PyResult<Vec<(usiz
 pub(super) fn within(
     py: Python<'_>,
     places: Vec<[f64; 3]>,
-    radius: f64,
+    #[pyo3(from_py_with = real)] radius: f64,
 ) -> PyResult<Vec<(usize, usize)>> {
     let pairs = released(py, || batch::within(&places, radius))?;
     Ok(pairs.into_iter().map(Into::into).collect())

@@ -1,7 +1,7 @@
 //! `PointCloud`: made once, used for any number of calls.
 
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyTuple};
 use super::arrays::{Table, interop, place, pose, read_only, table};
 use super::detached::detached;
 use super::doorway::released;
-use super::errors::{count, exception};
+use super::errors::{count, exception, real, shown, whole};
 use super::foreign::{self, BadRows};
 use super::rows::Rows;
 use crate::cloud::{Parts, PointCloud as Cloud};
@@ -28,13 +28,15 @@ use crate::{filter, search};
 ///     float64. Rows with a NaN or an infinity (or a mask) are left out and counted in
 ///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista or small_gicp, whose
 ///     normals come along
-/// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined
+/// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined. Also all that
+///     estimate_normals returned for the same points
 /// viewpoint : three numbers in the frame of the points, where the sensor stood. Normals
 ///     that are estimated point towards it
 /// weights : (N,) numbers, 0 or more and not all 0: how much each point counts. 2 is as good
 ///     as having the point twice, 0 as not connecting it
 /// channels : {name: (N,) numbers}, finite: what points may be compared by beside their shape
-///     (`cfreg.CF(channels=...)`). Colours of Open3D come along as red, green, blue, 0 to 1
+///     (`cfreg.CF(channels=...)`). Colours of the other libraries come along as red, green, blue, 0
+///     to 1; of pyvista and of Open3D's tensors all columns that are finite, `weight` as weights
 ///
 /// Raises
 /// ------
@@ -79,7 +81,8 @@ impl PyCloud {
         let given = &given.get().cloud;
         let weights = given.weights().map(<[f32]>::to_vec);
         let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
-        let parts = Parts { weights, channels, viewpoint, ..cloud.parts() };
+        let dropped = given.dropped();
+        let parts = Parts { weights, channels, viewpoint, dropped, ..cloud.parts() };
         Cloud::from_parts(parts).map_err(exception)
     }
 
@@ -98,14 +101,15 @@ impl PyCloud {
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<&Bound<'_, PyAny>>,
         weights: Option<&Bound<'_, PyAny>>,
-        channels: Option<&Bound<'_, PyDict>>,
+        channels: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let channels = channels.map(mapping).transpose()?;
         let viewpoint = viewpoint.map(|at| place(at, "viewpoint")).transpose()?;
         let given = points.cast::<PyCloud>().ok();
         let cloud = match (given, normals) {
             (Some(given), None) => {
                 let given = given.get();
-                detached(py, || given.cloud.clone())
+                detached(py, || given.cloud.clone())?
             }
             _ => PyCloud::made(points, "points", normals, BadRows::Drop)?,
         };
@@ -125,7 +129,7 @@ impl PyCloud {
             None => cloud,
         };
         let cloud = match channels {
-            Some(given) => cloud.with_channels(rows.channels(given)?).map_err(exception)?,
+            Some(given) => cloud.with_channels(rows.channels(&given)?).map_err(exception)?,
             None => cloud,
         };
         Ok(cloud.into())
@@ -153,10 +157,10 @@ impl PyCloud {
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let made = self.points.get_or_try_init(py, || {
             let array = if self.cloud.origin() == [0.0; 3] {
-                let rows = detached(py, || self.cloud.points().as_flattened().to_vec());
+                let rows = detached(py, || self.cloud.points().as_flattened().to_vec())?;
                 read_only(table(py, 3, rows)).into_any()
             } else {
-                let rows = detached(py, || self.cloud.positions().collect::<Vec<_>>());
+                let rows = detached(py, || self.cloud.positions().collect::<Vec<_>>())?;
                 read_only(table(py, 3, rows.into_flattened())).into_any()
             };
             Ok::<_, PyErr>(array.unbind())
@@ -170,7 +174,7 @@ impl PyCloud {
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(normals) = self.cloud.normals() else { return Ok(None) };
         let made = self.normals.get_or_try_init(py, || {
-            let rows = detached(py, || normals.as_flattened().to_vec());
+            let rows = detached(py, || normals.as_flattened().to_vec())?;
             Ok::<_, PyErr>(read_only(table(py, 3, rows)).into_any().unbind())
         })?;
         Ok(Some(made.bind(py).clone()))
@@ -190,9 +194,9 @@ impl PyCloud {
 
     /// Lowest and highest corner, two rows of three; None where the cloud is empty.
     #[getter]
-    fn bounds<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
-        let (low, high) = detached(py, || self.cloud.bounds())?;
-        Some(read_only(table(py, 3, [low, high].concat())))
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let bounds = detached(py, || self.cloud.bounds())?;
+        Ok(bounds.map(|(low, high)| read_only(table(py, 3, [low, high].concat()))))
     }
 
     /// Median distance from a point to the next, in the unit of the points; 0 for fewer than
@@ -205,7 +209,7 @@ impl PyCloud {
     /// One point a cube: the mean of the points, and of the normals, in it.
     ///
     /// size : side of the cubes, in the unit of the points, above 0. SettingError otherwise
-    fn voxel(&self, py: Python<'_>, size: f64) -> PyResult<Self> {
+    fn voxel(&self, py: Python<'_>, #[pyo3(from_py_with = real)] size: f64) -> PyResult<Self> {
         released(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
     }
 
@@ -214,7 +218,12 @@ impl PyCloud {
     /// count : how many, at least 1; the whole cloud where it has no more
     /// seed : the same seed draws the same points on every machine
     #[pyo3(signature = (count, seed=0))]
-    fn sample(&self, py: Python<'_>, count: i64, seed: i64) -> PyResult<Self> {
+    fn sample(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = whole)] count: i64,
+        #[pyo3(from_py_with = whole)] seed: i64,
+    ) -> PyResult<Self> {
         let seed = self::count("seed", seed)? as u64;
         let count = self::count("count", count)?;
         if count == 0 {
@@ -276,13 +285,13 @@ impl PyCloud {
         }
     }
 
-    fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> bool {
-        let Ok(other) = other.cast::<Self>() else { return false };
+    fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> PyResult<bool> {
+        let Ok(other) = other.cast::<Self>() else { return Ok(false) };
         let other = other.get();
         detached(py, || self.cloud == other.cloud)
     }
 
-    fn __repr__(&self, py: Python<'_>) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let cloud = &self.cloud;
         let mut parts = vec![format!("{} points", cloud.len())];
         if cloud.dropped() > 0 {
@@ -295,18 +304,18 @@ impl PyCloud {
             parts.push("weights".into());
         }
         parts.extend(cloud.channels().names().map(String::from));
-        if let Some((low, high)) = detached(py, || cloud.bounds()) {
+        if let Some((low, high)) = detached(py, || cloud.bounds())? {
             parts.push(format!("from {} to {}", short(low), short(high)));
         }
         parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", short(at))));
-        format!("PointCloud({})", parts.join(", "))
+        Ok(format!("PointCloud({})", parts.join(", ")))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let py = slf.py();
         let this = slf.get();
         let Parts { points, origin, frame_origin, normals, viewpoint, dropped, .. } =
-            detached(py, || this.cloud.parts());
+            detached(py, || this.cloud.parts())?;
         let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
         let points = table(py, 3, points.into_flattened());
         let has = (this.weights(py), this.channels(py)?);
@@ -330,7 +339,7 @@ impl PyCloud {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
             Table::F32(table) => {
                 let rows = table.as_slice()?.as_chunks::<3>().0;
-                Ok(detached(py, || rows.to_vec()))
+                detached(py, || rows.to_vec())
             }
             Table::F64(_) => Err(exception(Error::config(name, "float64", "is float32"))),
         };
@@ -341,8 +350,23 @@ impl PyCloud {
         let channels = own.channels(&has.1)?;
         let parts =
             Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, dropped };
-        detached(py, || Cloud::from_parts(parts)).map(Self::from).map_err(exception)
+        detached(py, || Cloud::from_parts(parts))?.map(Self::from).map_err(exception)
     }
+}
+
+/// Channels by their names: a dict, or what can become one, as data frames can.
+fn mapping<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+    if let Ok(dict) = any.cast::<PyDict>() {
+        return Ok(dict.clone());
+    }
+    let made = any.py().get_type::<PyDict>().call1((any,));
+    let made = made.ok().and_then(|made| made.cast_into::<PyDict>().ok());
+    made.ok_or_else(|| {
+        let given = shown(any);
+        PyTypeError::new_err(format!(
+            "channels: must be {{name: numbers, one a point}}, not {given}"
+        ))
+    })
 }
 
 /// Three numbers, six digits each.

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 
+use super::panics::caught;
 use crate::par;
 
 /// Longest wait at exit: a Python function that sleeps cannot be ended.
@@ -27,11 +28,12 @@ static PROCESS: AtomicU32 = AtomicU32::new(0);
 /// Python runs functions while it ends.
 static ENDING: OnceLock<ThreadId> = OnceLock::new();
 
-/// Runs `work` without the interpreter, so that other threads have it.
-pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
+/// Runs `work` without the interpreter, so that other threads have it. A panic in it becomes an
+/// exception.
+pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| {
         let _away = Away::new();
-        work()
+        caught(work)
     })
 }
 

@@ -1,6 +1,5 @@
 //! The one way from Python into long work: without the interpreter, to be ended by Ctrl-C.
 
-use std::panic::resume_unwind;
 use std::sync::OnceLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -9,6 +8,7 @@ use pyo3::prelude::*;
 
 use super::detached::{detached, ending};
 use super::errors::exception;
+use super::panics;
 use crate::error::{Error, Result};
 use crate::par::{self, Interrupt};
 
@@ -26,7 +26,8 @@ pub(super) enum Pool {
 }
 
 /// Runs `work` in a thread of its own while this one, without the interpreter, waits for it
-/// and looks after signals: other Python threads go on, and Ctrl-C ends the work.
+/// and looks after signals: other Python threads go on, and Ctrl-C ends the work. A panic in it
+/// becomes an exception.
 pub(super) fn released<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T> + Send,
@@ -69,12 +70,15 @@ pub(super) fn released_on<T: Send>(
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         let panic = worker.join().err();
-                        resume_unwind(panic.unwrap_or_else(|| Box::new("no answer")))
+                        return Err(panics::exception(
+                            panic.unwrap_or_else(|| Box::new("no answer")),
+                        ));
                     }
                 }
             }
         })
     })
+    .flatten()
 }
 
 /// Runs `work` on threads that will take it up: new ones, too, in a process that was forked,

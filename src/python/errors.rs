@@ -1,9 +1,16 @@
 //! The crate's errors as exceptions.
 
-use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyOverflowError, PyValueError};
 use pyo3::prelude::*;
 
+use super::arrays::interop;
 use crate::error::Error as Failure;
+
+/// Most characters of a user's value in a message. Chosen by hand: a line of a terminal.
+const LONGEST_VALUE: usize = 80;
+/// Most characters of a message's own words, which may have a value in them, as those of serde do.
+/// Chosen by hand: the longest list of settings that a method has fits.
+const LONGEST_RULE: usize = 600;
 
 pyo3::create_exception!(cfreg, Error, PyValueError, "What all errors of cfreg's own are.");
 pyo3::create_exception!(cfreg, RegistrationError, Error, "The clouds do not determine an answer.");
@@ -51,6 +58,12 @@ pyo3::create_exception!(
     Error,
     "Coordinates span more, or less, than can be computed with: stray points, or the unit."
 );
+pyo3::create_exception!(
+    cfreg,
+    InternalError,
+    Error,
+    "A bug in cfreg: the message says what to report. Other calls are not affected."
+);
 
 /// The exception for `error`, with its message.
 pub(super) fn exception(error: Failure) -> PyErr {
@@ -64,8 +77,50 @@ pub(super) fn exception(error: Failure) -> PyErr {
             }
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
+        Failure::Setting { name, value, rule } => {
+            let name = shortened(&name);
+            SettingError::new_err(setting(&name, &value, &rule))
+        }
+        Failure::Config { field, value, rule } => {
+            SettingError::new_err(setting(field, &value, &rule))
+        }
         error => worded(&error, error.to_string()),
     }
+}
+
+/// The exception for a setting that JSON does not have as it should be.
+pub(super) fn refused(argument: &str, error: serde_json::Error) -> PyErr {
+    let message = ends(&error.to_string(), LONGEST_RULE);
+    SettingError::new_err(format!("{argument}: {message}"))
+}
+
+/// A message about a setting, its value cut to a line.
+fn setting(name: &str, value: &str, rule: &str) -> String {
+    let (value, rule) = (shortened(value), ends(rule, LONGEST_RULE));
+    format!("{name} = {value}: {rule}")
+}
+
+/// A value as messages have it: of an array its type, shape and first numbers.
+pub(super) fn shown(any: &Bound<'_, PyAny>) -> String {
+    let shown = interop(any.py()).and_then(|interop| interop.call_method1("shown", (any,)));
+    shown.and_then(|text| text.extract()).unwrap_or_else(|_| "a value without words".into())
+}
+
+/// A text as messages have it: its ends, where it is longer than a line.
+pub(super) fn shortened(text: &str) -> String {
+    ends(text, LONGEST_VALUE)
+}
+
+/// `text`, or its ends where it is longer than `most` characters.
+fn ends(text: &str, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text.into();
+    }
+    let end = most / 4;
+    let first: String = text.chars().take(most - end - 5).collect();
+    let last: String = text.chars().skip(count - end).collect();
+    format!("{first} ... {last}")
 }
 
 /// The exception for an `error` about the argument of that name.
@@ -73,7 +128,7 @@ pub(super) fn about(argument: &str, error: Failure) -> PyErr {
     match &error {
         // Settings may have another name in the structs.
         Failure::Config { value, rule, .. } => {
-            worded(&error, format!("{argument} = {value}: {rule}"))
+            SettingError::new_err(setting(argument, value, rule))
         }
         Failure::NonFinite { index, .. } => non_finite(argument, *index),
         other => worded(other, format!("{argument}: {other}")),
@@ -101,6 +156,29 @@ pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
     NonFiniteError::new_err(format!(
         "{argument} has a NaN or infinite value in row {row}: remove or repair it first"
     ))
+}
+
+/// A whole number of any size; beyond those of 64 bits the largest or the least of these.
+pub(super) fn whole(any: &Bound<'_, PyAny>) -> PyResult<i64> {
+    any.extract().or_else(|error| beyond(any, error, [i64::MIN, i64::MAX]))
+}
+
+/// A number of any size; beyond those of 64 bits an infinity.
+pub(super) fn real(any: &Bound<'_, PyAny>) -> PyResult<f64> {
+    any.extract().or_else(|error| beyond(any, error, [f64::NEG_INFINITY, f64::INFINITY]))
+}
+
+/// The same, or None.
+pub(super) fn optional_real(any: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    if any.is_none() { Ok(None) } else { real(any).map(Some) }
+}
+
+/// The least or the largest for what is beyond, another error as it is.
+fn beyond<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> PyResult<T> {
+    match error.is_instance_of::<PyOverflowError>(any.py()) {
+        true => Ok(if any.lt(0)? { least } else { largest }),
+        false => Err(error),
+    }
 }
 
 /// A number of things that Python gave as an integer of any sign.

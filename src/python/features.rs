@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::any_cloud::AnyCloud;
 use super::arrays::{column_for, interop, place, table};
 use super::doorway::released;
-use super::errors::{SettingError, about, count, exception};
+use super::errors::{about, count, exception, refused, shortened, shown, whole};
 use super::foreign::BadRows;
 use crate::cloud::PointCloud;
 use crate::descriptor::{self, BINS};
@@ -58,7 +58,7 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 pub(super) fn estimate_normals<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: i64,
+    #[pyo3(from_py_with = whole)] neighbors: i64,
     viewpoint: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<NormalsAndCurvature<'py>> {
     let describe = describe(neighbors, viewpoint)?;
@@ -117,7 +117,7 @@ pub(super) fn keypoints<'py>(
         None => json!({}),
     };
     let detector: Keypoints = serde_json::from_value(json!({ detector: settings }))
-        .map_err(|error| SettingError::new_err(format!("detector = {detector}: {error}")))?;
+        .map_err(|error| refused(&format!("detector = {}", shortened(detector)), error))?;
     let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
     let cloud = cloud.get();
     let column = |values| column_for(values, "values", cloud.len(), "points");
@@ -170,7 +170,7 @@ pub(super) fn keypoints<'py>(
 pub(super) fn fpfh<'py>(
     py: Python<'py>,
     points: &Bound<'py, PyAny>,
-    neighbors: i64,
+    #[pyo3(from_py_with = whole)] neighbors: i64,
     scale: &str,
     viewpoint: Option<&Bound<'py, PyAny>>,
     normals: Option<&Bound<'py, PyAny>>,
@@ -180,7 +180,7 @@ pub(super) fn fpfh<'py>(
     if normals.is_some() {
         if let Some(at) = viewpoint {
             let rule = "orients estimated normals, but normals were given: leave one out";
-            return Err(exception(Error::config("viewpoint", at, rule)));
+            return Err(exception(Error::config("viewpoint", shown(at), rule)));
         }
         describe.orientation = Orientation::Stored;
     }

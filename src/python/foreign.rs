@@ -3,12 +3,15 @@
 use numpy::PyUntypedArray;
 use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use super::arrays::{Table, as_array, interop};
+use super::arrays::{Table, interop};
+use super::cloud::PyCloud;
 use super::detached::detached;
 use super::errors::{ShapeError, about, exception};
 use super::rows::Rows;
 use crate::cloud::{Channels, PointCloud};
+use crate::math::Vec3;
 
 /// What becomes of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]
@@ -41,17 +44,18 @@ pub(super) fn read<'py>(
         let cloud = match &points {
             Table::F32(table) => {
                 let rows = table.as_slice()?.as_chunks().0;
-                detached(py, || PointCloud::from_f32(rows))
+                detached(py, || PointCloud::from_f32(rows))?
             }
             Table::F64(table) => {
                 let rows = table.as_slice()?.as_chunks().0;
-                detached(py, || PointCloud::new(rows))
+                detached(py, || PointCloud::new(rows))?
             }
         };
         let cloud = cloud.map_err(|error| about(name, error))?;
-        return colored(cloud, any);
+        return with_attributes(cloud, any);
     };
-    let normals = Table::read(&as_array(normals, "normals")?, "normals", Some(3))?;
+    let normals = interop(py)?.call_method1("normals", (normals,))?;
+    let normals = Table::read(&normals, "normals", Some(3))?;
     if bad_rows == BadRows::Refuse {
         normals.check_finite(py, "normals")?;
     }
@@ -59,30 +63,63 @@ pub(super) fn read<'py>(
     let (points, normals) = (points.as_chunks().0, normals.as_chunks().0);
     if points.len() != normals.len() {
         let (expected, found) = (points.len(), normals.len());
+        let hint = left_out(any, name, points, found);
         return Err(ShapeError::new_err(format!(
-            "normals: expected {expected} rows, as {name} has, found {found}"
+            "normals: expected {expected} rows, as {name} has, found {found}{hint}"
         )));
     }
-    let cloud = detached(py, || PointCloud::with_normals(points, normals));
+    let cloud = detached(py, || PointCloud::with_normals(points, normals))?;
     let cloud = cloud.map_err(|error| about(name, error))?;
-    colored(cloud, any)
+    with_attributes(cloud, any)
 }
 
-/// The cloud with the colours of what it was made from, where that has any.
-fn colored(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointCloud> {
+/// A hint where normals seem to be those of the points without, or with, the rows that a cloud leaves
+/// out.
+fn left_out(any: &Bound<'_, PyAny>, name: &str, points: &[Vec3], normals: usize) -> String {
+    let bad = points.iter().filter(|point| point.iter().any(|x| !x.is_finite())).count();
+    let dropped = any.cast::<PyCloud>().map_or(0, |given| given.get().cloud().dropped());
+    if bad > 0 && normals + bad == points.len() {
+        return format!(
+            ": {bad} rows of {name} are not finite; give the PointCloud without them that the normals \
+             were estimated of, in place of {name}"
+        );
+    }
+    if dropped > 0 && normals == points.len() + dropped {
+        return format!(
+            ": this PointCloud has left out {dropped} rows; estimate normals of it, or give them \
+             together with the points that it was made of"
+        );
+    }
+    String::new()
+}
+
+/// The cloud with the colours, weights and channels of what it was made from, where that has any.
+fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointCloud> {
     let py = any.py();
-    if any.get_type().is(PyUntypedArray::type_object(py)) {
+    if any.get_type().is(PyUntypedArray::type_object(py)) || any.cast::<PyCloud>().is_ok() {
         return Ok(cloud);
     }
-    let colors = interop(py)?.call_method1("colors", (any,))?;
-    if colors.is_none() {
+    let found = interop(py)?.call_method1("attributes", (any,))?;
+    let (weights, columns): (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>) = found.extract()?;
+    if weights.is_none() && columns.is_empty() {
         return Ok(cloud);
     }
     let rows = Rows::of(any, &cloud)?;
+    let mut cloud = cloud;
+    // Nobody has asked for these: those that a cloud cannot have are left out.
+    if let Some(weights) = weights {
+        let weights = rows.column(&weights, "weights")?;
+        if weights.iter().all(|w| w.is_finite() && *w >= 0.0) && weights.iter().any(|w| *w > 0.0) {
+            cloud = cloud.with_weights(weights).map_err(exception)?;
+        }
+    }
     let mut channels = Channels::default();
-    for (axis, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        let column = colors.get_item((py.Ellipsis(), axis))?;
-        channels = channels.with(name, rows.channel(&column, "colors")?).map_err(exception)?;
+    for (name, column) in columns {
+        let name: String = name.extract()?;
+        let column = rows.channel(&column, &name)?;
+        if column.iter().all(|x| x.is_finite()) {
+            channels = channels.with(&name, column).map_err(exception)?;
+        }
     }
     cloud.with_channels(channels).map_err(exception)
 }

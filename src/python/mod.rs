@@ -9,7 +9,7 @@
 //! libraries into clouds, [`any_cloud`] whatever stands for one; [`doorway`] is the one way into
 //! long work: there the interpreter is released and signals are looked after; [`detached`] sees to
 //! it that what goes on without the interpreter outlives it in peace; [`errors`] makes exceptions
-//! of the crate's errors.
+//! of the crate's errors, [`panics`] of its panics.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
 //! for `help()`; the module's tests compare them with those of the Rust structs.
@@ -25,6 +25,7 @@ mod features;
 mod files;
 mod foreign;
 mod moments;
+mod panics;
 mod registration;
 mod report;
 mod rows;
@@ -41,8 +42,8 @@ mod _native {
     use super::cloud::PyCloud;
     #[pymodule_export]
     use super::errors::{
-        DegenerateError, Error, ExtentError, FileFormatError, NoWeightError, NonFiniteError,
-        RegistrationError, SettingError, ShapeError, TooFewPointsError,
+        DegenerateError, Error, ExtentError, FileFormatError, InternalError, NoWeightError,
+        NonFiniteError, RegistrationError, SettingError, ShapeError, TooFewPointsError,
     };
     #[pymodule_export]
     use super::features::{estimate_normals, fpfh, keypoints};
@@ -63,6 +64,9 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::panics::note_places();
+        #[cfg(debug_assertions)]
+        super::panics::register(module)?;
         super::detached::register(module)
     }
 }

@@ -10,8 +10,11 @@ use super::any_cloud::AnyCloud;
 use super::arrays::{as_array, column_for, descriptors, pose, read_only, table, table_for};
 use super::detached::detached;
 use super::doorway::{released, released_on};
-use super::errors::{self, SettingError, ShapeError, about, count, exception};
+use super::errors::{
+    self, SettingError, ShapeError, about, count, exception, real, refused, shown, whole,
+};
 use super::foreign::BadRows;
+use super::panics::caught;
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{Descriptors, PointCloud};
@@ -96,7 +99,8 @@ impl Moments {
     /// transform : (4, 4), T_target_source: rotation times scale, and translation.
     /// ValueError where it is no such matrix.
     fn residual(&self, transform: &Bound<'_, PyAny>) -> PyResult<f64> {
-        Ok(self.0.residual(&pose(transform, "transform")?))
+        let transform = pose(transform, "transform")?;
+        caught(|| self.0.residual(&transform))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
@@ -107,8 +111,7 @@ impl Moments {
     /// Moments from their pickle.
     #[staticmethod]
     fn _from_json(json: &str) -> PyResult<Self> {
-        let refused = |error| SettingError::new_err(format!("json: {error}"));
-        serde_json::from_str(json).map(Moments).map_err(refused)
+        serde_json::from_str(json).map(Moments).map_err(|error| refused("json", error))
     }
 
     fn __repr__(&self) -> String {
@@ -195,8 +198,8 @@ pub(super) fn moments(
     weights: Option<&Bound<'_, PyAny>>,
     beta: Option<&Bound<'_, PyAny>>,
     normalize: &str,
-    tolerance: f64,
-    threads: i64,
+    #[pyo3(from_py_with = real)] tolerance: f64,
+    #[pyo3(from_py_with = whole)] threads: i64,
 ) -> PyResult<Moments> {
     let named = |setting: &str| {
         Err(SettingError::new_err(format!("{setting}: only for weights that are a name")))
@@ -249,10 +252,10 @@ fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a
 
 /// A bandwidth: a number, or how to find it.
 fn bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
-    if let Ok(number) = any.extract::<f64>() {
+    if let Ok(number) = real(any) {
         return Ok(number.into());
     }
-    let text = any.extract::<String>().or_else(|_| any.repr().map(|shown| shown.to_string()))?;
+    let text = any.extract::<String>().unwrap_or_else(|_| shown(any));
     text.parse().map_err(|error| about("beta", error))
 }
 
@@ -337,7 +340,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
     detached(py, || {
         let index = |index: i64| u32::try_from(index).map_err(|_| index);
         rows.iter().map(|&[a, b]| Ok((index(a)?, index(b)?))).collect::<Result<_, i64>>()
-    })
+    })?
     .map_err(|index| ShapeError::new_err(format!("{name}: {index} is no row of a cloud")))
 }
 
@@ -374,7 +377,8 @@ pub(super) fn solve<'py>(
     let solver: Solver = solver.parse().map_err(|error| about("solver", error))?;
     let scale: ScaleEstimate = scale.parse().map_err(|error| about("scale", error))?;
     // Some microseconds: no need to let others run.
-    let solution = solved(&moments.get().0, solver, scale, &prior).map_err(exception)?;
+    let solution = caught(|| solved(&moments.get().0, solver, scale, &prior))?;
+    let solution = solution.map_err(exception)?;
     Ok(table(py, 4, solution.transform.matrix().concat()))
 }
 
@@ -382,9 +386,10 @@ pub(super) fn solve<'py>(
 fn known(prior: &Bound<'_, PyAny>) -> PyResult<Prior> {
     let class = prior.py().import("cfreg")?.getattr("Prior")?;
     if !prior.is_instance(&class)? {
-        return Err(PyTypeError::new_err(format!("prior: a cfreg.Prior is needed, not {prior}")));
+        let given = shown(prior);
+        return Err(PyTypeError::new_err(format!("prior: a cfreg.Prior is needed, not {given}")));
     }
     let facts = prior.call_method0("_facts")?;
     let text: String = prior.py().import("json")?.call_method1("dumps", (facts,))?.extract()?;
-    serde_json::from_str(&text).map_err(|error| SettingError::new_err(format!("prior: {error}")))
+    serde_json::from_str(&text).map_err(|error| refused("prior", error))
 }

@@ -11,13 +11,15 @@ use serde_json::{Map, Value};
 use super::any_cloud::AnyCloud;
 use super::arrays::pose;
 use super::doorway::{Pool, released, released_on};
-use super::errors::{SettingError, about, exception};
+use super::errors::{about, exception, optional_real, refused};
 use super::foreign::BadRows;
 use super::moments::index_pairs;
+use super::panics::caught;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::method::{Chain, Method, Register, Registration};
+use crate::pose::nearest_rotation;
 use crate::quality;
 use crate::weight::Normalization;
 
@@ -106,7 +108,7 @@ fn begin(
 #[pyfunction]
 pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
     let method = method_of("method", &(name, settings))?;
-    method.validate().map_err(exception)?;
+    caught(|| method.validate())?.map_err(exception)?;
     to_json(&method)
 }
 
@@ -121,9 +123,9 @@ pub(super) fn chain_of(method: &Named, refinements: &[Named]) -> PyResult<(Metho
 fn method_of(argument: &str, (name, settings): &Named) -> PyResult<Method> {
     let method: Method = name.parse().map_err(|error| about(argument, error))?;
     let settings: Map<String, Value> = serde_json::from_str(settings)
-        .map_err(|error| SettingError::new_err(format!("settings of {name}: {error}")))?;
+        .map_err(|error| refused(&format!("settings of {name}"), error))?;
     let settings = settings.iter().map(|(name, value)| (name.as_str(), value.clone()));
-    method.with(settings).map_err(exception)
+    caught(|| method.with(settings))?.map_err(exception)
 }
 
 /// How the source lies on the target under a pose, and how far that is from the truth; JSON.
@@ -134,7 +136,7 @@ pub(super) fn evaluate(
     source: &Bound<'_, PyAny>,
     target: &Bound<'_, PyAny>,
     transform: &Bound<'_, PyAny>,
-    max_distance: Option<f64>,
+    #[pyo3(from_py_with = optional_real)] max_distance: Option<f64>,
     truth: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let transform = pose(transform, "transform")?;
@@ -166,20 +168,13 @@ pub(super) fn judge(
     to_json(&released(py, || judge.judge(source, target, &transform))?)
 }
 
-/// The vector, in radians, of a rotation (3, 3).
+/// The vector, in radians, of the rotation that is nearest to a matrix (3, 3), and how far the matrix
+/// is from it.
 #[pyfunction]
-pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<[f64; 3]> {
-    let refuse = |error| about("rotation", error);
-    let turn =
-        Transform::from_matrix(Transform::rigid(matrix, [0.0; 3]).matrix()).map_err(refuse)?;
-    if turn.scale != 1.0 {
-        return Err(refuse(Error::config(
-            "rotation",
-            turn.scale,
-            "must be a rotation, without a scale",
-        )));
-    }
-    Ok(turn.rotation_vector())
+pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<([f64; 3], f64)> {
+    let nearest = caught(|| nearest_rotation(&matrix))?;
+    let (rotation, error) = nearest.map_err(|error| about("prior.rotation", error))?;
+    Ok((Transform::rigid(rotation, [0.0; 3]).rotation_vector(), error))
 }
 
 pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {

@@ -3,11 +3,12 @@
 use numpy::prelude::*;
 use numpy::{PyArray1, PyUntypedArray};
 use pyo3::PyTypeInfo;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{as_array, interop};
-use super::errors::{Error, ShapeError, exception};
+use super::errors::{Error, ShapeError, exception, shown};
 use crate::cloud::{Channels, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
@@ -43,8 +44,16 @@ impl Rows {
     /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
     pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
         let array = as_array(any, name)?;
-        let refused = |_| Error::new_err(format!("{name}: must be numbers, one a point"));
-        let column = array.call_method1("astype", ("float64",)).map_err(refused)?;
+        let refused = || {
+            let given = shown(&array);
+            Error::new_err(format!("{name}: must be numbers, one a point, not {given}"))
+        };
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        // Neither texts nor complex numbers, both of which numpy would convert.
+        if !"biufO".contains(&kind) {
+            return Err(refused());
+        }
+        let column = array.call_method1("astype", ("float64",)).map_err(|_| refused())?;
         let shape: Vec<usize> = column.getattr("shape")?.extract()?;
         if shape != [self.number] {
             let (expected, found) = (self.number, column.getattr("shape")?);
@@ -69,7 +78,10 @@ impl Rows {
     pub(super) fn channels(&self, given: &Bound<'_, PyDict>) -> PyResult<Channels> {
         let mut channels = Channels::default();
         for (name, values) in given {
-            let name: String = name.extract()?;
+            let Ok(name) = name.extract::<String>() else {
+                let message = format!("channels: names must be texts, not {}", shown(&name));
+                return Err(PyTypeError::new_err(message));
+            };
             let values = self.channel(&values, &format!("channels[{name:?}]"))?;
             channels = channels.with(&name, values).map_err(exception)?;
         }

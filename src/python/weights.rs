@@ -11,7 +11,8 @@ use pyo3::types::PyType;
 use super::arrays::{interop, table};
 use super::detached::detached;
 use super::doorway::Pool;
-use super::errors::{SettingError, ShapeError, about, exception};
+use super::errors::{SettingError, ShapeError, about, exception, refused};
+use super::panics::caught;
 use crate::error::Result;
 use crate::moments::{FullConnection, Moments};
 use crate::par;
@@ -170,7 +171,7 @@ pub(super) fn kernel_weights<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
     let kernel = composite(kernel, "kernel")?.resolved(Ok).map_err(exception)?;
     let mut d2 = squared_distances.to_vec()?;
-    detached(py, || kernel.fill(&mut d2));
+    detached(py, || kernel.fill(&mut d2))?;
     Ok(PyArray1::from_vec(py, d2))
 }
 
@@ -182,12 +183,12 @@ pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
         Bandwidth::Fixed(beta) => Ok(beta),
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
     };
-    composite(kernel, "kernel")?.resolved(any).map(|_| ()).map_err(exception)
+    let kernel = composite(kernel, "kernel")?;
+    caught(|| kernel.resolved(any).map(|_| ()))?.map_err(exception)
 }
 
 /// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call
 /// it.
 fn composite(json: &str, name: &str) -> PyResult<Composite> {
-    let refused = |error| SettingError::new_err(format!("{name}: {error}"));
-    serde_json::from_str(json).map_err(refused)
+    serde_json::from_str(json).map_err(|error| refused(name, error))
 }

@@ -1,5 +1,6 @@
 """What stands for a cloud: arrays of all kinds, PointCloud, clouds of other libraries."""
 
+import os
 import pickle
 import tempfile
 import unittest
@@ -219,7 +220,7 @@ class Cloud(unittest.TestCase):
             "transform: must be a": lambda: cloud.transformed(np.eye(3)),
             "viewpoint": lambda: cfreg.PointCloud(self.points, viewpoint=(0, np.nan, 0)),
             r"viewpoint = \(1, 2\)": lambda: cfreg.PointCloud(self.points, viewpoint=(1, 2)),
-            "viewpoint = up": lambda: cfreg.fpfh(self.points, viewpoint="up"),
+            "viewpoint = 'up'": lambda: cfreg.fpfh(self.points, viewpoint="up"),
             "seed = -1": lambda: cloud.sample(5, seed=-1),
             "normals": lambda: cfreg.PointCloud(self.points, self.normals[1:]),
             "normals: expected 300 rows, as points has, found 299": lambda: cfreg.PointCloud(
@@ -333,6 +334,95 @@ class Interop(unittest.TestCase):
         cloud = cfreg.PointCloud(self.points, self.normals).to_pyvista()
         self.taken(cloud)
         self.returned(cloud, lambda cloud: np.asarray(cloud.points))
+
+    def furnished(self, offset):
+        """A cloud that has all that a cloud can have."""
+        rng = np.random.default_rng(4)
+        colors = rng.integers(0, 256, (300, 3)) / 255
+        channels = dict(zip(("red", "green", "blue"), colors.T)) | {"intensity": rng.random(300)}
+        weights = rng.random(300)
+        return cfreg.PointCloud(self.points + offset, self.normals, weights=weights, channels=channels)
+
+    def test_all_that_a_target_holds_goes_there_and_back(self):
+        """Also far from zero, where points are float64 and the arrays handed out are read-only."""
+        targets = {
+            "open3d": (open3d, ("normals", "colors")),
+            "pyvista": (pyvista, ("normals", "colors", "weights", "intensity")),
+            "trimesh": (trimesh, ("colors",)),
+            "small_gicp": (small_gicp, ()),
+        }
+        for name, (library, holds) in targets.items():
+            for offset in (0.0, np.array([5e5, 5.6e6, 300.0])):
+                if library is None:
+                    print(f"skipped: {name} is not installed")
+                    continue
+                with self.subTest(name, offset=offset):
+                    cloud = self.furnished(offset)
+                    made = getattr(cloud, f"to_{name}")()
+                    again = cfreg.PointCloud(made)
+                    np.testing.assert_allclose(again.points, cloud.points, rtol=0, atol=1e-6)
+                    np.testing.assert_array_equal(cloud.points, self.furnished(offset).points)
+                    if "normals" in holds:
+                        np.testing.assert_allclose(again.normals, cloud.normals, atol=1e-6)
+                    if "colors" in holds:
+                        for color in ("red", "green", "blue"):
+                            np.testing.assert_allclose(again.channels[color], cloud.channels[color], atol=1e-6)
+                    if "weights" in holds:
+                        np.testing.assert_array_equal(again.weights, cloud.weights)
+                    if "intensity" in holds:
+                        np.testing.assert_array_equal(again.channels["intensity"], cloud.channels["intensity"])
+                    # And moved by a pose, with its normals.
+                    moved = cfreg.PointCloud(self.found.apply(made))
+                    expected = cloud.transformed(self.found)
+                    np.testing.assert_allclose(moved.points, expected.points, rtol=0, atol=1e-6)
+                    if "normals" in holds:
+                        np.testing.assert_allclose(moved.normals, expected.normals, atol=1e-6)
+
+    @unittest.skipUnless(pyvista, "pyvista is not installed")
+    def test_normals_of_pyvista_turn_whether_they_are_active_or_not(self):
+        for active in (True, False):
+            mesh = pyvista.PolyData(self.points)
+            mesh.point_data["Normals"] = self.normals
+            if active:
+                mesh.point_data.active_normals_name = "Normals"
+            moved = self.found.apply(mesh)
+            np.testing.assert_allclose(moved.point_data["Normals"], self.normals @ self.found.rotation.T, atol=1e-6)
+            np.testing.assert_array_equal(mesh.point_data["Normals"], self.normals)
+
+    @unittest.skipUnless(pyvista, "pyvista is not installed")
+    def test_columns_that_no_cloud_can_have_are_left_out(self):
+        mesh = pyvista.PolyData(self.points)
+        mesh.point_data["weight"] = np.full(300, -1.0)
+        mesh.point_data["gap"] = np.where(np.arange(300) == 3, np.nan, 1.0)
+        mesh.point_data["id"] = np.arange(300)
+        cloud = cfreg.PointCloud(mesh)
+        self.assertIsNone(cloud.weights)
+        self.assertEqual(list(cloud.channels), ["id"])
+        # A gap in a row that is left out is none.
+        mesh.points[3, 0] = np.nan
+        self.assertEqual(sorted(cfreg.PointCloud(mesh).channels), ["gap", "id"])
+
+    @unittest.skipUnless(open3d, "Open3D is not installed")
+    def test_tensors_of_open3d_have_columns(self):
+        tensors = open3d.t.geometry.PointCloud(open3d.core.Tensor(self.points))
+        tensors.point.intensity = open3d.core.Tensor(np.arange(300.0).reshape(-1, 1))
+        tensors.point.weight = open3d.core.Tensor(np.arange(1.0, 301.0).reshape(-1, 1))
+        tensors.point.colors = open3d.core.Tensor(np.full((300, 3), 255, np.uint8))
+        cloud = cfreg.PointCloud(tensors)
+        self.assertEqual(cloud.channels["intensity"].tolist(), list(range(300)))
+        self.assertEqual(cloud.channels["green"].tolist(), [1.0] * 300)
+        self.assertEqual(cloud.weights.tolist(), list(range(1, 301)))
+
+    def test_a_path_is_read_and_moved(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "scan.ply")
+            cfreg.write(file, cfreg.PointCloud(self.points, self.normals))
+            for path in (file, Path(file)):
+                moved = self.found.apply(path)
+                self.assertIsInstance(moved, cfreg.PointCloud)
+                self.assertEqual(moved, cfreg.read(file).transformed(self.found))
+            with self.assertRaises(FileNotFoundError):
+                self.found.apply(os.path.join(folder, "absent.ply"))
 
     def test_data_frames(self):
         """Their columns are attributes, whatever they are called."""

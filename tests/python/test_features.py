@@ -22,6 +22,34 @@ class Features(unittest.TestCase):
         again, _ = cfreg.estimate_normals(points, 20, np.array([0, 0, -9]))
         np.testing.assert_array_equal(below, again)
 
+    def test_what_was_estimated_is_normals(self):
+        points = terrain(500)
+        estimated = cfreg.estimate_normals(points, neighbors=20)
+        cloud = cfreg.PointCloud(points, normals=estimated)
+        self.assertEqual(cloud, cfreg.PointCloud(points, normals=estimated[0]))
+        by_all = cfreg.fpfh(points, 20, normals=estimated)
+        np.testing.assert_array_equal(by_all, cfreg.fpfh(points, 20, normals=estimated[0]))
+
+    def test_normals_of_points_that_were_left_out(self):
+        holes = terrain(500)
+        holes[[3, 7]] = np.nan
+        cloud = cfreg.PointCloud(holes)
+        estimated = cfreg.estimate_normals(cloud, neighbors=20)
+        self.assertEqual(estimated[0].shape, (498, 3))
+        furnished = cfreg.PointCloud(cloud, normals=estimated)
+        np.testing.assert_allclose(furnished.normals, estimated[0], atol=1e-6)
+        self.assertEqual((len(furnished), furnished.dropped), (498, 2))
+        with self.assertRaisesRegex(
+            cfreg.ShapeError, "^normals: expected 500 rows, as points has, found 498: 2 rows of points are not finite"
+        ):
+            cfreg.PointCloud(holes, normals=estimated)
+        with self.assertRaisesRegex(
+            cfreg.ShapeError, "^normals: expected 498 rows, as points has, found 500: this PointCloud has left out 2"
+        ):
+            cfreg.PointCloud(cloud, normals=terrain(500))
+        with self.assertRaisesRegex(cfreg.ShapeError, "found 497$"):
+            cfreg.PointCloud(cloud, normals=terrain(497))
+
     def test_histograms_have_their_scale(self):
         points = terrain(500)
         for scale, total in (("pcl", 300.0), ("open3d", 600.0)):

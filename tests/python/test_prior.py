@@ -57,6 +57,35 @@ class Priors(unittest.TestCase):
             with self.assertRaisesRegex(cfreg.Error, f"prior.{field} = .*must be"):
                 cfreg.CF(prior=cfreg.Prior(**{field: (1, 2, 3, 4)}))
 
+    def test_a_rotation_is_rounded_to_the_nearest(self):
+        exact = turn((0.3, -1, 0.2), 0.7)
+        printed = np.array([[float(f"{x:.5f}") for x in row] for row in exact])
+        for given, most in (
+            (exact, 1e-15),
+            (1.0000013 * exact, 2.3e-6),
+            (exact.astype(np.float32), 3e-7),
+            (printed, 3e-5),
+            (exact + 2e-5 * np.ones((3, 3)), 6.1e-5),
+        ):
+            prior = cfreg.Prior(rotation=given)
+            self.assertLess(prior.rotation_error, most)
+            found = cfreg.ICP(prior=prior).register(self.source, self.target).transform[:3, :3]
+            u, _, vt = np.linalg.svd(given.astype(float))
+            np.testing.assert_allclose(found, u @ vt, atol=1e-12)
+        self.assertEqual(cfreg.Prior(rotation=(0, 0, 0.1)).rotation_error, 0.0)
+        self.assertEqual(cfreg.Prior().rotation_error, 0.0)
+
+    def test_a_refusal_of_a_rotation_says_how_far_it_is_off(self):
+        exact = turn((0.3, -1, 0.2), 0.7)
+        for given, said in (
+            (1.001 * exact, r"1\.732e-3 away from the nearest rotation.*divide a scale out"),
+            (exact * (1, 1, -1), r"a reflection, of determinant -1\.000000"),
+            (np.zeros((3, 3)), "not independent"),
+            (np.full((3, 3), np.nan), "must be finite"),
+        ):
+            with self.assertRaisesRegex(cfreg.SettingError, f"^prior.rotation = .*{said}"):
+                cfreg.ICP(prior=cfreg.Prior(rotation=given))
+
     def test_what_is_no_prior_is_refused(self):
         for bad in (
             cfreg.Prior(direction=(0, 0, 0)),

@@ -15,9 +15,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from .. import _native
+from .. import _interop, _native
 from ..results import Registration
 from .base import Method, Refinements, Starting
 from .by_consensus import Consensus, judge
@@ -45,6 +43,8 @@ METHODS: Mapping[str, Callable[..., Method]] = {
 }
 """Every method by its name."""
 
+_QUOTES = "\"'"
+
 
 def method(name: str, **settings: Any) -> Method:
     """The method of that name.
@@ -57,15 +57,15 @@ def method(name: str, **settings: Any) -> Method:
     >>> cfreg.method("gicp", max_distance=0.1).metric
     'generalized'
     """
-    if name not in METHODS:
-        raise _native.SettingError(f"method = {name}: must be one of {', '.join(METHODS)}")
+    if not isinstance(name, str) or name not in METHODS:
+        raise _native.SettingError(f"method = {_interop.shown(name).strip(_QUOTES)}: must be one of {', '.join(METHODS)}")
     made = METHODS[name]
     owner: Any = getattr(made, "__self__", made)  # of a preset, its class
     fields = [field.name for field in dataclasses.fields(owner)]
     for setting, value in settings.items():
         if setting not in fields:
             rule = f"{name} has no such setting; it has {', '.join(fields)}"
-            raise _native.SettingError(f"{setting} = {value!r}: {rule}")
+            raise _native.SettingError(f"{setting} = {_interop.shown(value)}: {rule}")
     return made(**settings)
 
 
@@ -74,11 +74,11 @@ def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
     if isinstance(given, str):
         return method(given, **settings)
     if not isinstance(given, Method):
-        shown = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
+        shown = f"the class {given.__name__}" if isinstance(given, type) else _interop.shown(given)
         raise TypeError(f"method: a method or its name is needed, not {shown}")
     for setting, value in settings.items():
         rule = "the method was made already: give it there, or name the method"
-        raise _native.SettingError(f"{setting} = {value!r}: {rule}")
+        raise _native.SettingError(f"{setting} = {_interop.shown(value)}: {rule}")
     return given
 
 
@@ -141,5 +141,5 @@ def register(
     if matches is not None:
         if not isinstance(chosen, TEASER):
             raise _native.SettingError(f"matches: {chosen.name} takes none: leave them out")
-        others["matches"] = np.asarray(matches)
+        others["matches"] = matches
     return chosen._register(source, target, refine, **others)

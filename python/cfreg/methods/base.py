@@ -75,12 +75,22 @@ class Method:
         return f"{type(self).__name__}({', '.join(given)})"
 
 
+def _is_place(given: Any) -> bool:
+    """Three of something."""
+    try:
+        return bool(np.shape(given) == (3,))
+    except ValueError:  # rows that differ in length
+        return False
+
+
 def _refinements(refine: Refinements) -> list[tuple[str, str]]:
     """Names and settings of all of them."""
     if refine is None:
         refine = ()
     if isinstance(refine, (str, Method)) or not isinstance(refine, Sequence):
         refine = [refine]
+    if isinstance(refine, memoryview):  # a sequence, too
+        raise TypeError(f"refine: a method or its name is needed, not {_interop.shown(refine)}")
     return [_refinement(one) for one in refine]
 
 
@@ -89,7 +99,7 @@ def _refinement(given: Any) -> tuple[str, str]:
     if isinstance(given, str):
         return given, "{}"
     if not isinstance(given, Method):
-        raise TypeError(f"refine: a method or its name is needed, not {given!r}")
+        raise TypeError(f"refine: a method or its name is needed, not {_interop.shown(given)}")
     return given._named()
 
 
@@ -142,9 +152,10 @@ class Describing(Method):
             value = getattr(self, name)
             if isinstance(value, (list, np.ndarray)):
                 object.__setattr__(self, name, tuple(value if isinstance(value, list) else value.tolist()))
-        if not isinstance(self.orientation, str) and np.shape(self.orientation) != (3,):
+        if not isinstance(self.orientation, str) and not _is_place(self.orientation):
             rule = "must be viewpoint, outward, stored or three numbers"
-            raise _native.SettingError(f"orientation = {self.orientation}: {rule}")
+            given = _interop.shown(self.orientation)
+            raise _native.SettingError(f"orientation = {given}: {rule}")
         super().__post_init__()
 
     def _given(self) -> dict[str, Any]:
@@ -152,7 +163,8 @@ class Describing(Method):
         if self.radius is not None:
             if given.pop("neighbors") != Describing.neighbors:
                 rule = "radius takes its place: leave one of them out"
-                raise _native.SettingError(f"neighbors = {self.neighbors}: {rule}")
+                given_too = _interop.shown(self.neighbors)
+                raise _native.SettingError(f"neighbors = {given_too}: {rule}")
         if not isinstance(self.orientation, str):
             given["viewpoint"] = given.pop("orientation")
         return given

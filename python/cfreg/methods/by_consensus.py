@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from .. import _native
+from .. import _interop, _native
 from ..prior import Prior
 from ..results import Verdict
 from .base import Method
@@ -81,5 +81,5 @@ def judge(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -
     for name, value in settings.items():
         if name not in fields:
             rule = f"poses are judged by consensus, which has no such setting; it has {', '.join(fields)}"
-            raise _native.SettingError(f"{name} = {value!r}: {rule}")
+            raise _native.SettingError(f"{name} = {_interop.shown(value)}: {rule}")
     return Consensus(**settings).judge(source, target, transform)

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
-from .. import _native
+from .. import _interop, _native
 from ..prior import Prior
 from ..results import Registration
 from ..weights import Kernel, Weights, _kernel
@@ -97,7 +95,8 @@ class CF(Describing):
     def _only_beside_names(self, setting: str, given: bool) -> None:
         if given:
             rule = "only for weights that are a name; these have their own"
-            raise _native.SettingError(f"{setting} = {getattr(self, setting)}: {rule}")
+            value = _interop.shown(getattr(self, setting))
+            raise _native.SettingError(f"{setting} = {value}: {rule}")
 
     def _register(
         self, source: Any, target: Any, refine: Refinements, **others: Any
@@ -165,7 +164,6 @@ class TEASER(Describing):
         matches : (K, 2) integers, a row of the source and one of the target each, right or
             wrong, instead of those by descriptors. The clouds must then be finite
         """
-        matches = None if matches is None else np.asarray(matches)
         return self._register(source, target, refine, matches=matches)
 
 

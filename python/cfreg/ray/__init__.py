@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from .. import _native, batch
+from .. import _interop, _native, batch
 from ..batch_results import BatchSummary
 from ..methods import Method, _made
 from ..methods.base import Refinements, _refinements
@@ -90,7 +90,7 @@ def register_batch(
     # What will not do is refused here, and not by every task.
     batch.register_batch([], chosen, **how)
     if not isinstance(block, int) or block < 1:
-        raise _native.SettingError(f"block = {block!r}: must be a whole number, at least 1")
+        raise _native.SettingError(f"block = {_interop.shown(block)}: must be a whole number, at least 1")
     names, folder = _listed(pairs, folder)
     facts = {
         "cfreg": _native.__version__,
