@@ -88,10 +88,11 @@ fn zeros_are_no_range_limit() {
 #[test]
 fn a_refinement_leaves_out_what_the_search_left_out() {
     let Some(folder) = case("refine-icp-no-returns") else { return };
-    for refine in ["icp", "plane-icp", "gicp"] {
+    // Point to point is drawn along by the rings of the scanner.
+    for (refine, most) in [("icp", 0.05), ("plane-icp", 0.02), ("gicp", 0.02)] {
         let line = format!("a.ply b.ply --refine {refine}");
         let (answer, off, said) = registered(&folder, &line, "truth.txt");
-        assert!(off[1] < 0.03, "{refine}: off by {off:?}: {said}");
+        assert!(off[1] < most, "{refine}: off by {off:?}: {said}");
         assert_eq!(answer["verdict"]["decision"], "accept", "{refine}: {said}");
     }
 }
