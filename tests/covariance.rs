@@ -195,7 +195,12 @@ fn what_is_free_is_told_of_flat_clouds_and_of_copies() {
             let motion = anywhere(4, 3.0);
             let [source, target] = pair(points.into_iter(), 0.0, &mut draw, &motion);
             // The true pose, whatever a search makes of such clouds.
-            let verdict = Consensus::default().judge(&source, &target, &motion.inverse()).unwrap();
+            let judged = Consensus::default().judge(&source, &target, &motion.inverse());
+            // All places of an exact plane, or of a line, may look alike: that is no verdict.
+            let Ok(verdict) = judged else {
+                assert!(name == "plane" || name == "line", "{name}, copy {copy}: {judged:?}");
+                continue;
+            };
             let loose = verdict.covariance.as_ref().map(|known| known.undetermined.len());
             println!("{name}, copy {copy}: {:?}, {loose:?} of {free}", verdict.decision);
             // Curved samples that are copies hold each other by what their normals have in common.

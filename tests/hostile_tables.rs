@@ -119,7 +119,6 @@ fn parquet_that_was_changed_is_an_error_within_bounded_memory() {
             errors += read(&path).iter().filter(|read| read.is_err()).count();
             highest = highest.max(PEAK.load(Ordering::Relaxed).saturating_sub(before));
         }
-        let _ = std::panic::take_hook();
         println!(
             "{trials} changed files, read twice: {errors} errors, {} kB at most",
             highest >> 10

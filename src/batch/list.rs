@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 use crate::error::{Error, Result};
 use crate::io;
+use crate::io::guard::GROWING;
 
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
 #[derive(Debug, Clone, Default)]
@@ -125,14 +126,13 @@ struct Builder {
 impl Builder {
     /// Adds a pair, and gives the bytes of memory that it takes.
     fn add(&mut self, pair: [&str; 2]) -> usize {
-        // Twice, as lists grow by doubling.
-        let mut bytes = 2 * size_of::<[u32; 2]>();
+        let mut bytes = GROWING * size_of::<[u32; 2]>();
         let pair = pair.map(|name| {
             self.known.get(name).copied().unwrap_or_else(|| {
                 let number = self.list.names.len() as u32;
                 self.list.names.push(name.into());
                 self.known.insert(name.into(), number);
-                bytes += 2 * (name.len() + 2 * size_of::<String>());
+                bytes += 2 * (name.len() + GROWING * size_of::<String>());
                 number
             })
         });

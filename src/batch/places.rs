@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::io::Sheet;
+use crate::io::guard::GROWING;
 use crate::math::Vec3;
 
 /// Names of clouds, and where each of them stood.
@@ -43,8 +44,7 @@ impl Places {
                 *value = number.ok_or_else(|| sheet.wrong(what()))?;
             }
             let name = name.to_string();
-            // Twice, as lists grow by doubling.
-            let bytes = 2 * (name.len() + size_of::<String>() + size_of::<Vec3>());
+            let bytes = name.len() + GROWING * (size_of::<String>() + size_of::<Vec3>());
             found.names.push(name);
             found.places.push(place);
             sheet.take(bytes)?;

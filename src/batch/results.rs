@@ -29,8 +29,7 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
         Format::of(path)?;
         let mut budget = Guarded::open(path)?.budget();
         each(path, |row| {
-            // Twice, as lists grow by doubling.
-            let bytes = 2 * size_of::<Row>() + row.texts();
+            let bytes = guard::GROWING * size_of::<Row>() + row.texts();
             budget.take(bytes).map_err(|what| Error::parse(path, None, what))?;
             rows.push(row);
             Ok(())

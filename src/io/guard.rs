@@ -129,6 +129,10 @@ pub(crate) fn mebibytes(bytes: u64) -> String {
     format!("{} MiB", bytes >> 20)
 }
 
+/// How many times its size a list takes that grows: it doubles, and while it moves both are there.
+#[cfg(any(feature = "batch", feature = "figures"))]
+pub(crate) const GROWING: usize = 3;
+
 /// The memory that what is made of a file may take.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Budget {

@@ -26,10 +26,10 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Bytes of memory that it takes in a list, which grows by doubling.
+    /// Bytes of memory that it takes in a list.
     fn bytes(&self) -> usize {
         let texts = [self.source.as_os_str().len(), self.target.as_os_str().len()];
-        2 * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
+        guard::GROWING * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
     }
 }
 

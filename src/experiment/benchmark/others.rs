@@ -7,6 +7,7 @@ use super::list::Table;
 use super::{Clouds, Pair, Row, Rule, Settings};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
+use crate::io::guard::GROWING;
 
 /// Most programs that are compared at once. Chosen by hand.
 const PROGRAMS: usize = 1000;
@@ -52,7 +53,7 @@ impl Poses {
             if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
                 let answer = Answer::of(&row)?;
                 let bytes = key.each_ref().map(|path| path.as_os_str().len()).iter().sum::<usize>();
-                row.take(2 * size_of::<Answer>() + answer.method.len() + bytes)?;
+                row.take(GROWING * size_of::<Answer>() + answer.method.len() + bytes)?;
                 if !poses.methods.contains(&answer.method) {
                     if poses.methods.len() == PROGRAMS {
                         return Err(row.wrong(format!("there are more than {PROGRAMS} methods")));
