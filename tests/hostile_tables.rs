@@ -88,7 +88,8 @@ fn parquet_that_was_changed_is_an_error_within_bounded_memory() {
         }));
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let path = folder.path().join("changed.parquet");
-        let footer = whole.len() - 8
+        let footer = whole.len()
+            - 8
             - u32::from_le_bytes(whole[whole.len() - 8..whole.len() - 4].try_into().unwrap())
                 as usize;
         let (mut errors, mut highest) = (0, 0);
@@ -115,7 +116,10 @@ fn parquet_that_was_changed_is_an_error_within_bounded_memory() {
             highest = highest.max(PEAK.load(Ordering::Relaxed).saturating_sub(before));
         }
         let _ = std::panic::take_hook();
-        println!("4000 changed files: {errors} of 8000 readings are errors, {} kB at most", highest >> 10);
+        println!(
+            "4000 changed files: {errors} of 8000 readings are errors, {} kB at most",
+            highest >> 10
+        );
         assert!(highest < most(whole.len()), "{highest}");
         assert!(!SHOWN.load(Ordering::Relaxed), "a panic was printed");
         assert!(errors > 2000, "{errors}");
@@ -331,12 +335,20 @@ fn what_has_no_end_is_refused_by_every_reader() {
     let folder = tempfile::tempdir().unwrap();
     for end in ["csv", "jsonl", "parquet", "json", "log"] {
         std::os::unix::fs::symlink("/dev/zero", folder.path().join(format!("zero.{end}"))).unwrap();
-        std::os::unix::fs::symlink("/dev/urandom", folder.path().join(format!("any.{end}"))).unwrap();
-        fs::File::create(folder.path().join(format!("sparse.{end}"))).unwrap().set_len(1 << 40).unwrap();
+        std::os::unix::fs::symlink("/dev/urandom", folder.path().join(format!("any.{end}")))
+            .unwrap();
+        fs::File::create(folder.path().join(format!("sparse.{end}")))
+            .unwrap()
+            .set_len(1 << 40)
+            .unwrap();
     }
     fs::write(folder.path().join("a.xyz"), "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n").unwrap();
     let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
-    let list = format!("source,target,{}\na.xyz,a.xyz,{}\n", titles.join(","), "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1");
+    let list = format!(
+        "source,target,{}\na.xyz,a.xyz,{}\n",
+        titles.join(","),
+        "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1"
+    );
     fs::write(folder.path().join("known.csv"), list).unwrap();
     let mut lines = Vec::new();
     for start in ["zero", "any", "sparse"] {
@@ -405,7 +417,8 @@ fn wide_tables_take_linear_time() {
     assert_eq!(results::read(&folder.path().join("rows.csv")).unwrap().len(), 20);
     assert_eq!(results::read(&folder.path().join("rows.jsonl")).unwrap().len(), 10);
     cfreg::batch::Places::read(&folder.path().join("places.csv")).unwrap();
-    cfreg::experiment::benchmark::list::read(&folder.path().join("known.csv"), Path::new("")).unwrap();
+    cfreg::experiment::benchmark::list::read(&folder.path().join("known.csv"), Path::new(""))
+        .unwrap();
     println!("five wide tables: {:?}", start.elapsed());
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }

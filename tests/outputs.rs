@@ -300,7 +300,8 @@ fn an_accepted_pose_that_is_doubted_makes_no_edge() {
             let y = (f64::from(k) * 0.569_840_291 + seed).fract();
             format!("{} {} 0\n", 2.0 * x, y)
         };
-        fs::write(path.join(format!("{name}.xyz")), (0..800).map(point).collect::<String>()).unwrap();
+        fs::write(path.join(format!("{name}.xyz")), (0..800).map(point).collect::<String>())
+            .unwrap();
     }
     fs::write(path.join("pairs.csv"), "source,target\ns.xyz,t.xyz\n").unwrap();
     let output = shell(path, "CFREG batch pairs.csv -o rows.csv");

@@ -66,7 +66,8 @@ impl Journal {
         let first = format!("{header}\n");
         let begun = Hash::of(first.as_bytes());
         let (path, synced, places) = (path.to_path_buf(), Instant::now(), vec![0; list.len()]);
-        let mut journal = Journal { path, file, places, end: 0, done: 0, damaged: 0, begun, synced };
+        let mut journal =
+            Journal { path, file, places, end: 0, done: 0, damaged: 0, begun, synced };
         journal.read(header, &first, list, resume)?;
         Ok(journal)
     }
@@ -88,8 +89,8 @@ impl Journal {
         let ended = line.ends_with(b"\n");
         let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
         let short = !ended && self.file.metadata().map_err(failed)?.len() == line.len() as u64;
-        let cut = short
-            && (first.as_bytes().starts_with(&line) || line.starts_with(b"{\"cfreg\":"));
+        let cut =
+            short && (first.as_bytes().starts_with(&line) || line.starts_with(b"{\"cfreg\":"));
         if !cut && !(ended && is_run(&begun)) {
             return refuse(FOREIGN.into());
         }

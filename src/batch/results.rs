@@ -63,8 +63,9 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
 /// [`Error::Parse`] as [`read`].
 pub fn parse(json_lines: &str) -> Result<Vec<Row>> {
     let path = Path::new("rows");
-    let row =
-        |(line, number): (&str, usize)| json_row(line.as_bytes()).map_err(|what| Error::parse(path, Some(number), what));
+    let row = |(line, number): (&str, usize)| {
+        json_row(line.as_bytes()).map_err(|what| Error::parse(path, Some(number), what))
+    };
     json_lines.lines().zip(1..).map(row).collect()
 }
 

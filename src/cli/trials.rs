@@ -63,8 +63,8 @@ impl Demo {
             std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
             let files = ["source.pcd", "target.pcd", "truth.txt"].map(|name| folder.join(name));
             // A pair of an earlier demo has all three.
-            let earlier = files.iter().all(|file| file.is_file())
-                && io::read_transform(&files[2]).is_ok();
+            let earlier =
+                files.iter().all(|file| file.is_file()) && io::read_transform(&files[2]).is_ok();
             for file in &files {
                 outputs::check_unnamed("write", file, |_| earlier)?;
             }

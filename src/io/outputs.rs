@@ -93,9 +93,8 @@ mod tests {
         {
             use std::os::unix::fs::PermissionsExt;
             fs::write(folder.path().join("usual"), "").unwrap();
-            let mode = |name: &str| {
-                fs::metadata(folder.path().join(name)).unwrap().permissions().mode()
-            };
+            let mode =
+                |name: &str| fs::metadata(folder.path().join(name)).unwrap().permissions().mode();
             assert_eq!(mode("a.csv"), mode("usual"));
         }
     }

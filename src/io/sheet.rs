@@ -79,7 +79,8 @@ impl Sheet {
     /// # Errors
     /// [`Error::Parse`] where there is none.
     pub(crate) fn column(&self, name: &str) -> Result<usize> {
-        let missing = || Error::parse(&self.path, Some(1), format!("no column {name} in the header"));
+        let missing =
+            || Error::parse(&self.path, Some(1), format!("no column {name} in the header"));
         self.columns.get(name).copied().ok_or_else(missing)
     }
 

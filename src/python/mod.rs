@@ -51,9 +51,7 @@ mod _native {
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
-    use super::registration::{
-        evaluate, is_usable, judge, register, rotation_vector, settings,
-    };
+    use super::registration::{evaluate, is_usable, judge, register, rotation_vector, settings};
     #[pymodule_export]
     use super::report::{report, thumbnail};
     #[pymodule_export]

@@ -293,7 +293,9 @@ fn chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(Chunk, u64)> {
         Some((start, usize::try_from(length).ok()?, u64::try_from(values).ok()?))
     };
     let (start, length, values) = weighed().ok_or_else(|| {
-        format!("a column of {values} values is at {start} with {length} bytes, and there are {end}")
+        format!(
+            "a column of {values} values is at {start} with {length} bytes, and there are {end}"
+        )
     })?;
     let snappy = match codec {
         0 => false,

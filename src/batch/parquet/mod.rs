@@ -82,9 +82,9 @@ pub(super) fn rows(
         let cells = row.cells(true);
         let names: Vec<&str> = cells.iter().map(|(name, _)| name.as_str()).collect();
         let wanted: HashMap<&str, usize> = names.iter().copied().zip(0..).collect();
-        table.open(&names)?.each(|number, cells| {
-            take(number, &|name| cells(*wanted.get(name)?).cloned())
-        })
+        table
+            .open(&names)?
+            .each(|number, cells| take(number, &|name| cells(*wanted.get(name)?).cloned()))
     })
 }
 
@@ -214,11 +214,7 @@ impl Table<'_> {
 /// Reads so many values of a column, the next ones.
 type Column = Box<dyn FnMut(usize) -> std::result::Result<Vec<Value>, String>>;
 
-fn column(
-    leaf: &Leaf,
-    physical: Physical,
-    pages: Pages,
-) -> std::result::Result<Column, String> {
+fn column(leaf: &Leaf, physical: Physical, pages: Pages) -> std::result::Result<Column, String> {
     let unsigned = leaf.unsigned;
     let optional = leaf.optional;
     match physical {
@@ -270,7 +266,10 @@ where
         let mut found = found.iter();
         let mut next = || found.next().map_or(Ok(Value::Null), &make);
         match optional {
-            true => there.iter().map(|&there| if there == 0 { Ok(Value::Null) } else { next() }).collect(),
+            true => there
+                .iter()
+                .map(|&there| if there == 0 { Ok(Value::Null) } else { next() })
+                .collect(),
             false => (0..count).map(|_| next()).collect(),
         }
     }))

@@ -45,7 +45,11 @@ enum Body {
     One,
     OnePackedLevels,
     /// Of the second version; bytes of its levels, which are not compressed.
-    Two { levels: usize, nulls: usize, compressed: bool },
+    Two {
+        levels: usize,
+        nulls: usize,
+        compressed: bool,
+    },
 }
 
 /// Ways in which values are written, of those that are read.
@@ -80,9 +84,8 @@ impl Pages {
             at += thrift.at();
             let there = chunk.len() - at;
             let packed = usize::try_from(raw.packed).ok().filter(|&packed| packed <= there);
-            let packed = packed.ok_or_else(|| {
-                format!("a page of {} bytes where {there} are left", raw.packed)
-            })?;
+            let packed = packed
+                .ok_or_else(|| format!("a page of {} bytes where {there} are left", raw.packed))?;
             if let Some(header) = raw.header(at, packed, snappy)? {
                 header.check(&chunk, snappy, physical, optional, dictionary)?;
                 match header.body {
