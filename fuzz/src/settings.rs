@@ -1,6 +1,6 @@
 //! Settings and names, as words and as JSON.
 
-use std::fmt::{Debug, Display};
+use std::fmt::Display;
 use std::str::FromStr;
 
 use cfreg::cloud::{Channels, Viewpoints};
@@ -86,9 +86,10 @@ fn names(text: &str) {
 }
 
 /// That what has a name has it again, once it was written.
-fn named<T: FromStr<Err = cfreg::Error> + Display + Debug + PartialEq>(text: &str) {
+fn named<T: FromStr<Err = cfreg::Error> + Display>(text: &str) {
     let Some(value) = heard(text.parse::<T>()) else { return };
     let written = value.to_string();
     let back: T = written.parse().unwrap_or_else(|error| panic!("{text:?}, {written:?}: {error}"));
-    assert_eq!(back, value, "{text:?}");
+    // By their names: NaN is not NaN.
+    assert_eq!(back.to_string(), written, "{text:?}");
 }

@@ -46,7 +46,7 @@ mod table;
 mod text;
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::cloud::{Mesh, PointCloud};
@@ -61,7 +61,7 @@ pub use load::LONGEST_STREAM;
 use load::load;
 pub use pose::{read_transform, write_transform};
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) use sheet::Sheet;
+pub(crate) use {fault::shown, sheet::Sheet};
 
 /// Reads a cloud, in the unit and frame of the file.
 ///
