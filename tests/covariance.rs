@@ -4,7 +4,7 @@ use cfreg::experiment::benchmark::anywhere;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
-use cfreg::quality::PoseCovariance;
+use cfreg::quality::{Decision, PoseCovariance};
 use cfreg::{PointCloud, Transform};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -161,4 +161,51 @@ fn the_unit_and_the_place_change_nothing_else() {
     let symmetric = |i: usize, j: usize| metres.matrix[i][j] == metres.matrix[j][i];
     assert!((0..36).all(|k| symmetric(k / 6, k % 6)));
     assert!(math::cholesky::factor(&metres.matrix).is_some());
+}
+
+#[test]
+fn what_is_free_is_told_of_flat_clouds_and_of_copies() {
+    type Surface = fn(&mut Draw) -> Vec3;
+    // Shapes, and how many motions are free. A line is no surface: along it and about it at least.
+    let shapes: [(&str, usize, Surface); 5] = [
+        ("plane", 3, |draw| [draw.uniform(), draw.uniform(), 0.0]),
+        ("nearly a plane", 3, |draw| [draw.uniform(), draw.uniform(), 1e-4 * draw.uniform()]),
+        ("cylinder", 2, |draw| {
+            let (sin, cos) = (std::f64::consts::PI * draw.uniform()).sin_cos();
+            [0.3 * cos, 0.3 * sin, draw.uniform()]
+        }),
+        ("sphere", 3, |draw| {
+            loop {
+                let at = [draw.uniform(), draw.uniform(), draw.uniform()];
+                if (0.2..1.0).contains(&math::norm(at)) {
+                    return math::normalized(at);
+                }
+            }
+        }),
+        ("line", 2, |draw| [draw.uniform(), 1e-3 * draw.normal(), 1e-3 * draw.normal()]),
+    ];
+    for (name, free, surface) in shapes {
+        for copy in [false, true] {
+            let mut draw = Draw(ChaCha8Rng::seed_from_u64(11));
+            let points: Vec<Vec3> = (0..4000).map(|_| surface(&mut draw)).collect();
+            let points = match copy {
+                true => points.iter().flat_map(|point| [*point; 2]).collect(),
+                false => points,
+            };
+            let motion = anywhere(4, 3.0);
+            let [source, target] = pair(points.into_iter(), 0.0, &mut draw, &motion);
+            // The true pose, whatever a search makes of such clouds.
+            let verdict = Consensus::default().judge(&source, &target, &motion.inverse()).unwrap();
+            let loose = verdict.covariance.as_ref().map(|known| known.undetermined.len());
+            println!("{name}, copy {copy}: {:?}, {loose:?} of {free}", verdict.decision);
+            // Curved samples that are copies hold each other by what their normals have in common.
+            if name.contains("plane") || (!copy && name != "line") {
+                assert_eq!(loose, Some(free), "{name}, copy {copy}");
+            }
+            if !copy || name.contains("plane") {
+                assert_ne!(verdict.decision, Decision::Accept, "{name}, copy {copy}");
+            }
+            assert!(name != "line" || loose.is_none_or(|loose| loose >= free), "{loose:?}");
+        }
+    }
 }

@@ -86,14 +86,18 @@ fn parquet_that_was_changed_is_an_error_within_bounded_memory() {
             SHOWN.store(true, Ordering::Relaxed);
             usual(panic);
         }));
-        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut random = ChaCha8Rng::seed_from_u64(
+            std::env::var("CFREG_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7),
+        );
         let path = folder.path().join("changed.parquet");
         let footer = whole.len()
             - 8
             - u32::from_le_bytes(whole[whole.len() - 8..whole.len() - 4].try_into().unwrap())
                 as usize;
         let (mut errors, mut highest) = (0, 0);
-        for trial in 0..4000 {
+        let trials =
+            std::env::var("CFREG_TRIALS").ok().and_then(|n| n.parse().ok()).unwrap_or(4000);
+        for trial in 0..trials {
             let mut bytes = whole.clone();
             for _ in 0..random.random_range(1..5) {
                 // Half of the time in the footer.
@@ -117,12 +121,12 @@ fn parquet_that_was_changed_is_an_error_within_bounded_memory() {
         }
         let _ = std::panic::take_hook();
         println!(
-            "4000 changed files: {errors} of 8000 readings are errors, {} kB at most",
+            "{trials} changed files, read twice: {errors} errors, {} kB at most",
             highest >> 10
         );
         assert!(highest < most(whole.len()), "{highest}");
         assert!(!SHOWN.load(Ordering::Relaxed), "a panic was printed");
-        assert!(errors > 2000, "{errors}");
+        assert!(errors > trials / 2, "{errors}");
     });
 }
 
@@ -298,7 +302,7 @@ fn forged_parquet_is_weighed() {
     rest.extend(data_page(runs.len() as i64, runs.len() as i64, 1_000_000_000, 8));
     rest.extend(runs);
     let error = said(&forged(1_000_000_000, 1_000_000_000, &head, &rest)).unwrap_err().to_string();
-    assert!(error.contains("more memory than such a file should"), "{error}");
+    assert!(error.contains("would take more than 256 MiB of memory"), "{error}");
 }
 
 #[test]
@@ -308,7 +312,7 @@ fn rows_that_are_more_than_their_file_justifies_are_refused() {
     let rows: String = (0..400_000).map(|index| format!("{index},a,b\n")).collect();
     fs::write(&path, format!("index,source,target\n{rows}")).unwrap();
     let (read, peak) = alone(|| results::read(&path));
-    assert!(read.unwrap_err().to_string().contains("more memory"), "{peak}");
+    assert!(read.unwrap_err().to_string().contains("of memory"), "{peak}");
     assert!(peak < most(rows.len()), "{peak}");
 }
 

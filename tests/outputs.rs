@@ -84,9 +84,9 @@ fn an_answer_that_cannot_be_printed_is_none() {
     for command in commands {
         for (ending, words) in [
             (" > /dev/full", "standard output: No space left"),
-            (" >&-", "standard output: is closed"),
+            (" >&-", "standard output: closed before"),
             // The reader is gone before anything is written.
-            (" > >(exec 0<&-; sleep 20)", "standard output: is closed"),
+            (" > >(exec 0<&-; sleep 20)", "standard output: closed before"),
         ] {
             let wait = if ending.contains("sleep") { "sleep 0.3; " } else { "" };
             let line = match wait {

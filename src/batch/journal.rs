@@ -5,7 +5,7 @@
 //! there and the checksum is that of what stands before it; the pair of any other is done again.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufReader, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -39,6 +39,26 @@ impl Journal {
     /// The place of the journal of an output.
     pub(super) fn beside(output: &Path) -> PathBuf {
         super::output::beside(output, ".part")
+    }
+
+    /// Refuses what is there and no journal.
+    ///
+    /// # Errors
+    /// [`Error::Config`]; [`Error::Io`].
+    pub(super) fn check(path: &Path) -> Result<()> {
+        let failed = |error| Error::io(path, error);
+        let refuse = |rule: &str| Err(Error::config("output", path.display(), rule));
+        if !path.exists() {
+            return Ok(());
+        }
+        if !path.is_file() {
+            return refuse("is there and not a regular file: name another output");
+        }
+        let file = File::open(path).map_err(failed)?;
+        match first_line(&file, &mut BufReader::new(&file)).map_err(failed)? {
+            Some(_) => Ok(()),
+            None => refuse(FOREIGN),
+        }
     }
 
     /// Opens the journal for the pairs of `list` under `header`, with `resume` the rows that are in
@@ -79,21 +99,11 @@ impl Journal {
         let refuse = |rule: String| Err(Error::config("resume", path.display(), rule));
         let mut reader = BufReader::new(self.file.try_clone().map_err(failed)?);
         reader.seek(SeekFrom::Start(0)).map_err(failed)?;
-        let mut line = Vec::new();
-        let long = |error: &io::Error| error.kind() == io::ErrorKind::FileTooLarge;
-        match guard::line(&mut reader, &mut line) {
-            // Whatever it is, it is told below.
-            Err(error) if long(&error) => line.clear(),
-            read => _ = read.map_err(failed)?,
-        }
-        let ended = line.ends_with(b"\n");
-        let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
-        let short = !ended && self.file.metadata().map_err(failed)?.len() == line.len() as u64;
-        let cut =
-            short && (first.as_bytes().starts_with(&line) || line.starts_with(b"{\"cfreg\":"));
-        if !cut && !(ended && is_run(&begun)) {
+        let Some(mut line) = first_line(&self.file, &mut reader).map_err(failed)? else {
             return refuse(FOREIGN.into());
-        }
+        };
+        let cut = !line.ends_with(b"\n");
+        let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
         if cut || !resume {
             self.cut()?;
             return self.append(first.as_bytes());
@@ -106,7 +116,7 @@ impl Journal {
         self.begun = Hash::of(&line);
         loop {
             match guard::line(&mut reader, &mut line) {
-                Err(error) if long(&error) => {
+                Err(error) if error.kind() == io::ErrorKind::FileTooLarge => {
                     self.damaged += 1;
                     return self.cut();
                 }
@@ -232,6 +242,25 @@ impl Journal {
     pub(super) fn remove(self) -> Result<()> {
         std::fs::remove_file(&self.path).map_err(|error| Error::io(&self.path, error))
     }
+}
+
+/// The first line of a journal, its end included, or what there is of it in one that was cut short
+/// within; `None` for what is no journal.
+fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
+    const START: &[u8] = b"{\"cfreg\":";
+    let mut line = Vec::new();
+    match guard::line(reader, &mut line) {
+        Err(error) if error.kind() == io::ErrorKind::FileTooLarge => return Ok(None),
+        read => _ = read?,
+    }
+    let ours = match line.ends_with(b"\n") {
+        true => serde_json::from_slice(&line).is_ok_and(|begun| is_run(&begun)),
+        false => {
+            let whole = file.metadata()?.len() == line.len() as u64;
+            whole && (START.starts_with(&line) || line.starts_with(START))
+        }
+    };
+    Ok(ours.then_some(line))
 }
 
 /// What stands between a row and its checksum, and the length of that.

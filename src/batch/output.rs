@@ -49,9 +49,13 @@ impl Format {
             #[cfg(not(feature = "parquet"))]
             Format::Parquet => Ok(None),
             Format::Csv | Format::JsonLines => {
+                const WHAT: &str = "what a run was asked for";
                 let path = beside(path, RUN);
                 match path.exists() {
-                    true => Ok(serde_json::from_slice(&guard::bytes(&path, guard::DOCUMENT)?).ok()),
+                    true => {
+                        Ok(serde_json::from_slice(&guard::bytes(&path, guard::DOCUMENT, WHAT)?)
+                            .ok())
+                    }
                     false => Ok(None),
                 }
             }
@@ -88,7 +92,9 @@ impl Format {
 /// earlier run where this one writes beside the output, the list, or one of its clouds.
 pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
     let refuse = |path: &Path, rule: &str| Err(Error::config("output", path.display(), rule));
-    let mut written = vec![output.to_path_buf(), Journal::beside(output)];
+    let journal = Journal::beside(output);
+    Journal::check(&journal)?;
+    let mut written = vec![output.to_path_buf(), journal];
     if format != Format::Parquet {
         let run = beside(output, RUN);
         if run.exists() && !format.asked_for(output)?.is_some_and(|run| is_run(&run)) {

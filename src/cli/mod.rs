@@ -131,7 +131,7 @@ fn print(text: &str) -> Result<()> {
 
 /// Has something written to stdout, all of it: what is lost there is no answer.
 fn written(write: impl FnOnce() -> io::Result<()>) -> Result<()> {
-    let closed = "is closed: what was to be printed is lost";
+    let closed = "closed before all was printed: the answer is lost";
     if NO_OUTPUT.load(Ordering::Relaxed) {
         return Err(Error::io("standard output", io::Error::other(closed)));
     }

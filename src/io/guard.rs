@@ -16,8 +16,9 @@ use crate::error::{Error, Result};
 pub(crate) const STREAM: u64 = 64 << 20;
 /// Most bytes of one row or line. Chosen by hand: a header of 70,000 columns is 1 MB.
 pub(crate) const RECORD: usize = 16 << 20;
-/// Most bytes of one JSON document or matrix. Chosen by hand: `cfreg register --json` prints
-/// some kilobytes, with a trace some megabytes.
+/// Most bytes of one JSON document. Chosen by hand: `cfreg register --json` prints some
+/// kilobytes, with a trace some megabytes.
+#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) const DOCUMENT: u64 = 64 << 20;
 /// Bytes of memory for each byte of a file. Chosen by hand, as clouds have it.
 const FACTOR: u64 = 10;
@@ -77,31 +78,29 @@ impl Read for Guarded {
     }
 }
 
-/// The bytes of a file that has at most `most` of them.
+/// The bytes of a file that has at most `most` of them, as `what` has.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for a larger file.
-pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+pub(crate) fn bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> {
     let mut content = Vec::new();
     let mut file = Guarded::open(path)?.take(most + 1);
     file.read_to_end(&mut content).map_err(|error| Error::io(path, error))?;
     if content.len() as u64 > most {
-        let what = format!(
-            "has more than {}, the most that is read of such a file: is it the right one?",
-            mebibytes(most)
-        );
+        let most = mebibytes(most);
+        let what = format!("has more than {most}, and {what} is short: is it the right file?");
         return Err(Fault::new(what).within(path));
     }
     Ok(content)
 }
 
-/// The text of a file that has at most `most` bytes.
+/// The text of a file that has at most `most` bytes, as `what` has.
 ///
 /// # Errors
 /// As [`bytes`], and [`Error::Parse`] for what is not UTF-8.
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) fn text(path: &Path, most: u64) -> Result<String> {
-    String::from_utf8(bytes(path, most)?).map_err(|error| {
+pub(crate) fn text(path: &Path, most: u64, what: &str) -> Result<String> {
+    String::from_utf8(bytes(path, most, what)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         Fault::byte(at, "is not UTF-8 text").within(path)
     })
@@ -150,10 +149,11 @@ impl Budget {
     /// When there are not that many.
     pub(crate) fn take(&mut self, bytes: usize) -> Result<(), String> {
         self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| {
+            let most = mebibytes(self.most);
             format!(
-                "takes more memory than such a file should, {}: it is damaged, or holds something \
-                 else; split it, if it is right",
-                mebibytes(self.most)
+                "would take more than {most} of memory, ten times its size and {}: it is damaged, or \
+                 holds something else; split it, if it is right",
+                mebibytes(FREE)
             )
         })?;
         Ok(())
@@ -177,14 +177,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         fs::write(&path, [b'x'; 9]).unwrap();
-        assert_eq!(bytes(&path, 9).unwrap().len(), 9);
-        assert!(bytes(&path, 8).unwrap_err().to_string().contains("more than"));
+        assert_eq!(bytes(&path, 9, "it").unwrap().len(), 9);
+        assert!(bytes(&path, 8, "it").unwrap_err().to_string().contains("it is short"));
     }
 
     #[cfg(all(unix, any(feature = "batch", feature = "figures")))]
     #[test]
     fn a_stream_without_end_is_refused() {
-        let said = text(Path::new("/dev/zero"), u64::MAX - 1).unwrap_err().to_string();
+        let said = text(Path::new("/dev/zero"), u64::MAX - 1, "it").unwrap_err().to_string();
         assert!(said.contains("stream of more than 64 MiB"), "{said}");
         let mut endless = io::BufReader::new(Guarded::open(Path::new("/dev/zero")).unwrap());
         let said = line(&mut endless, &mut Vec::new()).unwrap_err().to_string();

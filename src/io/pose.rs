@@ -10,6 +10,9 @@ use super::{guard, replace};
 use crate::cloud::Transform;
 use crate::error::Result;
 
+/// Most bytes of a pose, the JSON of a registration included. Chosen by hand.
+const LONGEST: u64 = 4 << 20;
+
 /// Reads a pose: four lines of four numbers (spaces or commas between, comments after
 /// `#`), a JSON array of four rows, or a JSON object with such a field `transform`.
 ///
@@ -23,7 +26,7 @@ use crate::error::Result;
 /// ```
 pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     let path = path.as_ref();
-    let content = guard::bytes(path, guard::DOCUMENT)?;
+    let content = guard::bytes(path, LONGEST, "a pose")?;
     if content.is_empty() {
         return Err(Fault::new("is empty").within(path));
     }

@@ -21,7 +21,8 @@ impl Kept {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
     pub fn read(path: &Path) -> Result<Kept> {
-        let text = io::guard::text(path, io::guard::DOCUMENT)?;
+        let text =
+            io::guard::text(path, io::guard::DOCUMENT, "what `cfreg register --json` prints")?;
         Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 

@@ -101,7 +101,7 @@ impl Footer {
         file.seek(SeekFrom::Start(start))?;
         file.read_exact(&mut bytes)?;
         let parsed = Footer::parse(&bytes, start, wanted, key);
-        Ok(parsed.map_err(|what| format!("its footer is broken: {what}")))
+        Ok(parsed.map_err(|what| format!("footer: {what}")))
     }
 
     /// `end` is where the chunks must end.

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Clouds, Pair, Posed, Settings};
 use crate::error::{Error, Result};
+use crate::io::outputs;
 use crate::method::Consensus;
 
 /// One judged pose of one pair.
@@ -50,7 +51,9 @@ pub fn write(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<usize> {
     let failed = |error: csv::Error| Error::io(output, std::io::Error::other(error));
-    let mut table = csv::Writer::from_path(output).map_err(failed)?;
+    let system = |error| Error::io(output, error);
+    let file = outputs::beside(output).map_err(system)?;
+    let mut table = csv::Writer::from_writer(file.as_file());
     let (mut clouds, mut written) = (Clouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {
         let posed = Posed::new(pair, number, settings, &mut clouds)?;
@@ -80,6 +83,8 @@ pub fn write(
         }
         progress(number + 1, pairs.len());
     }
-    table.flush().map_err(|error| Error::io(output, error))?;
+    table.flush().map_err(system)?;
+    drop(table);
+    file.persist(output).map_err(|error| system(error.error))?;
     Ok(written)
 }

@@ -2,12 +2,13 @@
 
 use std::collections::HashMap;
 use std::fs::{self, OpenOptions};
-use std::io::Write as _;
+use std::io::{BufReader, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::{Pair, Row, Settings};
 use crate::error::{Error, Result};
 use crate::io;
+use crate::io::guard::{self, Guarded};
 
 /// Rows in a file, and those that join them.
 #[derive(Default)]
@@ -29,12 +30,20 @@ impl Kept {
         if there && !path.is_file() {
             return refuse("is not a regular file");
         }
-        let text = if there { io::guard::text(path, MOST)? } else { String::new() };
+        const FOREIGN: &str = "is there and has no rows of this benchmark, or those of other \
+                               settings: name another file, or move it";
+        let mut text = String::new();
+        if there {
+            let (mut start, mut line) = (BufReader::new(Guarded::open(path)?), Vec::new());
+            // Before all of what may be anything is read.
+            let read = guard::line(&mut start, &mut line);
+            if read.is_err() || !(line == first.as_bytes() || first.as_bytes().starts_with(&line)) {
+                return refuse(FOREIGN);
+            }
+            text = guard::text(path, MOST, "a table of rows")?;
+        }
         if !first.starts_with(&text) && !text.starts_with(&first) {
-            return refuse(
-                "is there and has no rows of this benchmark, or those of other settings: name \
-                 another file, or move it",
-            );
+            return refuse(FOREIGN);
         }
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let body = whole.strip_prefix(&first).unwrap_or("");
