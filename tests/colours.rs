@@ -109,7 +109,7 @@ proptest! {
 fn ply_and_pcd_have_colours_as_other_programs_do() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
                property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
-               property uchar alpha\nend_header\n0 0 0 255 128 0 9\n1 0 0 1 2 3 255\n0 1 0 0 0 0 0\n";
+               property uchar alpha\nend_header\n0 0 0 255 128 0 9\n3 0 0 1 2 3 255\n0 3 0 0 0 0 0\n";
     let cloud = read("a.ply", ply);
     let folder = tempdir().unwrap();
     let written = |name: &str, cloud: &PointCloud| {

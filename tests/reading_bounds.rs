@@ -217,18 +217,17 @@ fn time_grows_with_the_number_of_columns_and_not_with_its_square() {
             .into()
     };
     let cases: [(&str, Made, usize); 6] = [
-        ("a.ply", of_ply, 12_000),
-        ("a.pcd", of_pcd, 17_000),
-        ("a.csv", of_csv, 17_000),
-        ("a.xyz", of_spaces, 17_000),
-        ("same names.csv", of_one_name, 17_000),
-        ("elements.ply", of_elements, 6_000),
+        ("a.ply", of_ply, 6_000),
+        ("a.pcd", of_pcd, 8_000),
+        ("a.csv", of_csv, 8_000),
+        ("a.xyz", of_spaces, 8_000),
+        ("same names.csv", of_one_name, 8_000),
+        ("elements.ply", of_elements, 3_000),
     ];
     let folder = tempdir().unwrap();
     for (name, made, count) in cases {
         let path = folder.path().join(name);
-        // Other work on the machine may slow one of them down.
-        let ratio = (0..3).map(|_| {
+        let ratio = || {
             let [few, many] = [count, 4 * count].map(|count| seconds(&path, &made(count)));
             println!(
                 "{name}: {count} {:.1} ms, four times as many {:.1} ms",
@@ -236,9 +235,9 @@ fn time_grows_with_the_number_of_columns_and_not_with_its_square() {
                 many * 1e3
             );
             many / few
-        });
-        // 4 where time is linear, 16 where it is quadratic.
-        let ratio = ratio.fold(f64::INFINITY, f64::min);
-        assert!(ratio < 9.0, "{name}: four times as many take {ratio} times as long");
+        };
+        // 4 where time is linear, some 6 with what no longer fits the caches, 16 where it is
+        // quadratic. Other work on the machine may slow one of the two down: six tries.
+        assert!((0..6).any(|_| ratio() < 9.0), "{name}: time grows with the square of columns");
     }
 }

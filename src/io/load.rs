@@ -24,15 +24,24 @@ pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
             if kind.is_dir() { "is a directory" } else { "is neither a regular file nor a pipe" };
         return Err(refuse(io::Error::new(ErrorKind::InvalidInput, what)));
     }
-    let mut content = Vec::new();
-    let limit = kind.len().max(LONGEST_STREAM);
     let mut file = File::open(path).map_err(refuse)?;
-    let size = usize::try_from(kind.len()).unwrap_or(usize::MAX).saturating_add(1);
-    content.try_reserve_exact(size).map_err(|error| refuse(io::Error::other(error)))?;
-    let read = (&mut file).take(limit).read_to_end(&mut content).map_err(refuse)?;
-    if read as u64 == limit && file.read(&mut [0]).map_err(refuse)? > 0 {
-        let what = format!("a pipe is read up to {limit} bytes, and it has more: use a file");
-        return Err(Fault::new(what).within(path));
+    let limit = kind.len().max(LONGEST_STREAM);
+    let mut content = Vec::new();
+    // All of a file at once; of a pipe as much again as there is, but never beyond the limit.
+    let mut room = (kind.len() + 1).max(1 << 16);
+    loop {
+        let more = usize::try_from(room).unwrap_or(usize::MAX);
+        content.try_reserve_exact(more).map_err(|error| refuse(io::Error::other(error)))?;
+        let read = (&mut file).take(room).read_to_end(&mut content).map_err(refuse)?;
+        if (read as u64) < room {
+            break;
+        }
+        let there = content.len() as u64;
+        if there > limit {
+            let what = format!("a pipe is read up to {limit} bytes, and it has more: use a file");
+            return Err(Fault::new(what).within(path));
+        }
+        room = there.min(limit + 1 - there);
     }
     if content.is_empty() {
         return Err(Fault::new("is empty").within(path));
