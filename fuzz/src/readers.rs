@@ -23,7 +23,7 @@ const WORDS: usize = 1000;
 
 /// PLY: clouds, and meshes.
 pub fn ply(data: &[u8]) {
-    cloud("input.ply", data);
+    cloud("input.ply", data, BUFFERS);
     let path = door::file("input.ply", data);
     if let Some(mesh) = heard(bounded(data.len(), BUFFERS, || io::read_mesh(&path)), Some(&path)) {
         let count = mesh.vertices.len();
@@ -34,19 +34,21 @@ pub fn ply(data: &[u8]) {
 
 /// PCD: ascii, binary and compressed.
 pub fn pcd(data: &[u8]) {
-    cloud("input.pcd", data);
+    cloud("input.pcd", data, BUFFERS);
 }
 
 /// Rows of numbers, under names that change how they are read.
 pub fn text(data: &[u8]) {
     const NAMES: [&str; 6] =
         ["input.xyz", "input.xyzn", "input.csv", "input.pts", "input.txt", "input"];
-    cloud(NAMES[data.len() % NAMES.len()], data);
+    // A line of names takes about ninety times its size, and is at most 1 MiB long.
+    let longest = data.split(|&byte| byte == b'\n').map(<[u8]>::len).max().unwrap_or(0);
+    cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 100 * longest);
 }
 
-fn cloud(name: &str, data: &[u8]) {
+fn cloud(name: &str, data: &[u8], beside: usize) {
     let path = door::file(name, data);
-    if let Some(cloud) = heard(bounded(data.len(), BUFFERS, || io::read(&path)), Some(&path)) {
+    if let Some(cloud) = heard(bounded(data.len(), beside, || io::read(&path)), Some(&path)) {
         assert!(cloud.len() + cloud.dropped() <= data.len(), "more points than bytes");
         sound(&cloud);
     }

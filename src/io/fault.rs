@@ -53,6 +53,15 @@ pub(crate) fn shown(text: &str) -> String {
     }
 }
 
+/// What another crate says, which may repeat all that is in a file: its beginning.
+pub(super) fn beginning(said: &str) -> String {
+    const LONGEST: usize = 200;
+    match said.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &said[..end]),
+        None => said.into(),
+    }
+}
+
 /// Checks what a header says against the bytes that are there, before anything is
 /// allocated: `count` rows, each of at least `smallest` bytes, in `left` bytes.
 pub(super) fn check_claim(
