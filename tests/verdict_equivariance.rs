@@ -84,7 +84,7 @@ proptest! {
     }
 
     // Cubes of a turned cloud hold other points, and matches are others: the log odds stay within
-    // 4, as from 0.5 to 0.98, and accept never turns into reject.
+    // 4, as from 0.5 to 0.98, the overlap within a tenth, and accept never turns into reject.
     #[test]
     fn a_motion_of_both_changes_it_within_bounds(
         first in motion(), second in motion(), seed in 0..50u64,
@@ -100,7 +100,7 @@ proptest! {
         );
         let apart = (log_odds(&before) - log_odds(&after)).abs();
         prop_assert!(apart < 4.0, "{before} {after}");
-        prop_assert!((before.overlap - after.overlap).abs() < 0.05, "{before} {after}");
+        prop_assert!((before.overlap - after.overlap).abs() < 0.1, "{before} {after}");
     }
 }
 

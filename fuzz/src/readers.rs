@@ -10,8 +10,10 @@ use cfreg::{Error, PointCloud, Transform, io};
 use super::door;
 use super::memory::bounded;
 
-/// Bytes beside ten times the file that a reader may hold: buffers, names and words.
+/// Bytes beside ten times the file that a reader of clouds may hold: buffers, names and words.
 const BUFFERS: usize = 64 << 10;
+/// The same of tables and documents.
+const TABLES: usize = 128 << 10;
 /// The same of rows of results, of which each takes some kilobytes, also where it is but a few words.
 const ROWS: usize = 256 << 10;
 /// The same of Parquet: a page is unpacked at once.
@@ -21,7 +23,7 @@ const WORDS: usize = 1000;
 
 /// PLY: clouds, and meshes.
 pub fn ply(data: &[u8]) {
-    cloud("input.ply", data);
+    cloud("input.ply", data, BUFFERS);
     let path = door::file("input.ply", data);
     if let Some(mesh) = heard(bounded(data.len(), BUFFERS, || io::read_mesh(&path)), Some(&path)) {
         let count = mesh.vertices.len();
@@ -32,19 +34,21 @@ pub fn ply(data: &[u8]) {
 
 /// PCD: ascii, binary and compressed.
 pub fn pcd(data: &[u8]) {
-    cloud("input.pcd", data);
+    cloud("input.pcd", data, BUFFERS);
 }
 
 /// Rows of numbers, under names that change how they are read.
 pub fn text(data: &[u8]) {
     const NAMES: [&str; 6] =
         ["input.xyz", "input.xyzn", "input.csv", "input.pts", "input.txt", "input"];
-    cloud(NAMES[data.len() % NAMES.len()], data);
+    // A line of names takes about ninety times its size, and is at most 1 MiB long.
+    let longest = data.split(|&byte| byte == b'\n').map(<[u8]>::len).max().unwrap_or(0);
+    cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 100 * longest);
 }
 
-fn cloud(name: &str, data: &[u8]) {
+fn cloud(name: &str, data: &[u8], beside: usize) {
     let path = door::file(name, data);
-    if let Some(cloud) = heard(bounded(data.len(), BUFFERS, || io::read(&path)), Some(&path)) {
+    if let Some(cloud) = heard(bounded(data.len(), beside, || io::read(&path)), Some(&path)) {
         assert!(cloud.len() + cloud.dropped() <= data.len(), "more points than bytes");
         sound(&cloud);
     }
@@ -91,7 +95,7 @@ pub(super) fn heard<T>(read: Result<T, Error>, path: Option<&Path>) -> Option<T>
 /// Poses: four rows of four, JSON, and what `register --json` prints.
 pub fn pose(data: &[u8]) {
     let path = door::file("pose.txt", data);
-    let Some(pose) = heard(bounded(data.len(), BUFFERS, || io::read_transform(&path)), Some(&path))
+    let Some(pose) = heard(bounded(data.len(), TABLES, || io::read_transform(&path)), Some(&path))
     else {
         return;
     };
@@ -131,7 +135,7 @@ pub(super) fn rigid(pose: &Transform, tolerance: f64) {
 /// Lists of pairs and of places, as CSV.
 pub fn list(data: &[u8]) {
     let path = door::file("list.csv", data);
-    let read = bounded(data.len(), BUFFERS, || List::read(&path, Path::new("clouds")));
+    let read = bounded(data.len(), TABLES, || List::read(&path, Path::new("clouds")));
     if let Some(list) = heard(read, Some(&path)) {
         pairs(&list, data.len());
         let again = door::folder().join("written.csv");
@@ -139,7 +143,7 @@ pub fn list(data: &[u8]) {
         let back = List::read(&again, list.folder()).expect("what was written is a list");
         assert_eq!(back, list);
     }
-    let read = bounded(data.len(), BUFFERS, || Places::read(&path));
+    let read = bounded(data.len(), TABLES, || Places::read(&path));
     if let Some(places) = heard(read, Some(&path)) {
         let Places { names, places } = places;
         assert!(names.len() == places.len() && names.iter().all(|name| !name.is_empty()));
@@ -200,7 +204,7 @@ fn graph(rows: &[Row]) {
 /// What `cfreg register --json` prints, read for a report.
 pub fn report(data: &[u8]) {
     let path = door::file("result.json", data);
-    let Some(kept) = heard(bounded(data.len(), BUFFERS, || Kept::read(&path)), Some(&path)) else {
+    let Some(kept) = heard(bounded(data.len(), TABLES, || Kept::read(&path)), Some(&path)) else {
         return;
     };
     heard(kept.files(), None);
@@ -222,7 +226,7 @@ pub fn report(data: &[u8]) {
 pub fn benchmark(data: &[u8]) {
     let (log, csv) = (door::file("gt.log", data), door::file("pairs.csv", data));
     for path in [log, csv] {
-        let read = bounded(data.len(), BUFFERS, || listed::read(&path, Path::new("clouds")));
+        let read = bounded(data.len(), TABLES, || listed::read(&path, Path::new("clouds")));
         let Some(pairs) = heard(read, Some(&path)) else { continue };
         assert!(!pairs.is_empty() && pairs.len() <= data.len());
         for pair in &pairs {

@@ -53,6 +53,12 @@ pub struct Graph {
     pub left_out: usize,
 }
 
+/// Longest shifts: as far as coordinates of clouds go.
+const LONGEST: f64 = 1e75;
+/// Largest entry of an information, which is multiplied by squares of lengths: both together stay
+/// below the 1.8e308 of f64.
+const LARGEST: f64 = 1e150;
+
 /// A pose between two clouds, by their numbers.
 #[derive(Debug, Clone, PartialEq)]
 struct Edge {
@@ -69,7 +75,8 @@ impl Graph {
     /// are numbered as they come, those without an edge too.
     ///
     /// # Errors
-    /// [`Error::Config`] with the pair for numbers that are no pose.
+    /// [`Error::Config`] with the pair for numbers that are no pose, and for those that leave the
+    /// range of f64 where they are multiplied.
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Result<Graph> {
         let mut graph = Graph::default();
         let mut numbers: HashMap<&str, usize> = HashMap::new();
@@ -99,6 +106,15 @@ impl Graph {
             if pose.scale != 1.0 || source == target {
                 graph.left_out += 1;
                 continue;
+            }
+            let lengths = pose.translation.iter().chain(&center);
+            let far = lengths.into_iter().any(|x| x.abs() > LONGEST);
+            if far || information.iter().any(|x| x.abs() > LARGEST) {
+                let rule = format!(
+                    "lengths above {LONGEST:e} or information above {LARGEST:e} cannot be computed \
+                     with: was the file changed?"
+                );
+                return Err(Error::config("rows", format!("pair {}", row.index), rule));
             }
             let probability = row.probability.unwrap_or(0.0);
             let information = symmetric(&information);
@@ -377,6 +393,15 @@ mod tests {
         assert_eq!((lines[6][0], &lines[6][1..3]), ("EDGE_SE3:QUAT", &["0", "2"][..]));
         assert!(lines.len() == 8 && lines[6].len() == 3 + 7 + 21);
         assert_eq!(lines[6][3..6], ["1.0"; 3]);
+        for (information, center) in [(1e308, 0.0), (1.0, -1e80)] {
+            let row = Row {
+                information: Some([information; 21]),
+                center: Some([center; 3]),
+                ..row("b", "a", "accept", one, 0.9)
+            };
+            let said = Graph::of(&[row]).unwrap_err().to_string();
+            assert!(said.starts_with("rows = pair 0: ") && said.contains("1e75"), "{said}");
+        }
         let mut sheared = row("b", "a", "accept", one, 0.9);
         sheared.index = 7;
         sheared.pose = Some(std::array::from_fn(|k| k as f64));

@@ -45,11 +45,20 @@ impl Fault {
 }
 
 /// The start of `text`, quoted and escaped for a message.
-pub(super) fn shown(text: &str) -> String {
+pub(crate) fn shown(text: &str) -> String {
     const LONGEST: usize = 40;
     match text.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{:?}...", &text[..end]),
         None => format!("{text:?}"),
+    }
+}
+
+/// What another crate says, which may repeat all that is in a file: its beginning.
+pub(super) fn beginning(said: &str) -> String {
+    const LONGEST: usize = 200;
+    match said.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}...", &said[..end]),
+        None => said.into(),
     }
 }
 

@@ -61,7 +61,7 @@ pub use load::LONGEST_STREAM;
 use load::load;
 pub use pose::{read_transform, write_transform};
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) use sheet::Sheet;
+pub(crate) use {fault::shown, sheet::Sheet};
 
 /// Reads a cloud, in the unit and frame of the file.
 ///

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
-use crate::io::Sheet;
 use crate::io::guard::{self, Guarded};
+use crate::io::{Sheet, shown};
 
 /// Two clouds and the pose between them.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,7 +77,7 @@ impl Table {
             "" => Ok(None),
             text => match text.parse() {
                 Ok(number) => Ok(Some(number)),
-                Err(_) => Err(self.wrong(format!("{name} is {text:?}, no number"))),
+                Err(_) => Err(self.wrong(format!("{name} is {}, no number", shown(text)))),
             },
         }
     }
@@ -149,7 +149,7 @@ fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
             "" | "m" => 1.0,
             "cm" => 0.01,
             "mm" => 0.001,
-            other => return Err(row.wrong(format!("unit {other:?}: must be m, cm or mm"))),
+            other => return Err(row.wrong(format!("unit {}: must be m, cm or mm", shown(other)))),
         };
         let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
         let pair = Pair {
@@ -178,7 +178,7 @@ fn numbers(
         let text = std::str::from_utf8(&bytes).map_err(|_| parse(path, *line, "is not text"))?;
         // A row of a pose has four, the line before it two or more.
         let words = text.split_whitespace().take(5).map(|word| {
-            word.parse().map_err(|_| parse(path, *line, format!("{word:?} is no number")))
+            word.parse().map_err(|_| parse(path, *line, format!("{} is no number", shown(word))))
         });
         let numbers = words.collect::<Result<Vec<f64>>>()?;
         if !numbers.is_empty() {
@@ -300,6 +300,13 @@ mod tests {
         assert!(said("p.csv", "source,target\na,b\n").contains("t00"));
         let bad = format!("{HEADER}\na,b,1,0,0,x,0,1,0,0,0,0,1,0,0,0,0,1\n");
         assert!(said("p.csv", &bad).contains("\"x\""));
+        let long = "w".repeat(10_000);
+        let unit = format!("units,{HEADER}\n{long},a,b,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1\n");
+        for (name, text) in
+            [("gt.log", &long), ("p.csv", &bad.replace('x', &long)), ("p.csv", &unit)]
+        {
+            assert!(said(name, text).len() < 300, "{name}");
+        }
         let mirrored = format!("{HEADER}\na,b,-1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1\n");
         assert!(read_text("p.csv", &mirrored).is_err());
         assert!(said("p.csv", HEADER).contains("no pair"));

@@ -8,6 +8,7 @@ use super::{Clouds, Pair, Row, Rule, Settings};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::io::guard::GROWING;
+use crate::io::shown;
 
 /// Most programs that are compared at once. Chosen by hand.
 const PROGRAMS: usize = 1000;
@@ -124,9 +125,9 @@ impl Answer {
         let pose = row.pose()?;
         let accepted = match row.word("accepted") {
             "" => pose.is_some(),
-            word => word
-                .parse()
-                .map_err(|_| row.wrong(format!("accepted is {word:?}: must be true or false")))?,
+            word => word.parse().map_err(|_| {
+                row.wrong(format!("accepted is {}: must be true or false", shown(word)))
+            })?,
         };
         let method = row.word("method").to_string();
         Ok(Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted })

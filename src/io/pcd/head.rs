@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::io::fault::{Fault, LONGEST_HEADER, shown};
+use crate::io::fault::{Fault, LONGEST_HEADER, beginning, shown};
 
 /// The header as text, with what is needed to tell where it is wrong.
 #[derive(Default)]
@@ -60,7 +60,7 @@ impl Head {
         };
         let mut words = what.split_whitespace().map(str::to_uppercase);
         let entry = words.find(|word| self.lines.contains_key(word)).unwrap_or_default();
-        self.at(&entry, format!("the header is not understood: {what}"))
+        self.at(&entry, format!("the header is not understood: {}", beginning(&what)))
     }
 }
 

@@ -18,7 +18,7 @@ use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyDef, PropertyType};
 use self::elements::Body;
 use super::columns::{Columns, Vertex};
 use super::differences::{Differences, short};
-use super::fault::{Fault, LONGEST_HEADER, shown};
+use super::fault::{Fault, LONGEST_HEADER, beginning, shown};
 use super::layout::{Layout, Stored, is_single, write_binary};
 use super::lines::Lines;
 use super::table::Table;
@@ -206,7 +206,8 @@ fn not_understood(error: &ParseError, header: &str) -> Fault {
     let numbered =
         error.line().and_then(|number| Some((number, header.lines().nth(number.checked_sub(1)?)?)));
     let Some((number, line)) = numbered else {
-        return Fault::new(format!("the header is not understood: {error}"));
+        let said = beginning(&error.to_string());
+        return Fault::new(format!("the header is not understood: {said}"));
     };
     let expected = match line.split_whitespace().next() {
         Some("format") => "once: format ascii|binary_little_endian|binary_big_endian 1.0",
