@@ -122,6 +122,13 @@ fn the_notice_has_the_texts_and_nothing_of_the_machine_that_made_it() {
 }
 
 #[test]
+fn wheels_have_the_notice() {
+    let project = read("pyproject.toml");
+    let files = project.lines().find(|line| line.starts_with("license-files = ")).unwrap();
+    assert!(files.contains("\"THIRD-PARTY.txt\"") && files.contains("\"LICENSE-*\""), "{files}");
+}
+
+#[test]
 fn the_command_line_prints_the_notice() {
     let output = Command::cargo_bin("cfreg").unwrap().arg("licenses").output().unwrap();
     assert!(output.status.success());

@@ -249,4 +249,30 @@ mod tests {
             assert_eq!(shown.shown, n as usize);
         }
     }
+
+    #[test]
+    fn strays_are_counted_and_cost_no_digits() {
+        let boulder = boulder().sample(3000, 1).unwrap();
+        let mut points: Vec<Vec3> = boulder.positions().collect();
+        points[7] = [1e5, 0.0, 0.0];
+        points[1234] = [-1e5, 0.0, 3.0];
+        let cloud = PointCloud::new(&points).unwrap();
+        let mut shown = Shown::of(&cloud, 5000).unwrap();
+        shown.measure(&boulder, &Transform::IDENTITY, 1.0, 1.0).unwrap();
+        shown.weigh(&points, &vec![1.0; points.len()], 1.0, 1.0).unwrap();
+        assert_eq!((shown.shown, shown.strays, shown.of), (2998, 2, 3000));
+        assert!(shown.size.iter().all(|&side| side < 4.0), "{:?}", shown.size);
+        // All lists tell of the same points; the distances tell of the strays, too.
+        let lengths = [(&shown.positions, 6), (&shown.normals, 3), (&shown.residuals, 1)];
+        for (text, each) in lengths.into_iter().chain([(&shown.weights, 1)]) {
+            assert_eq!(STANDARD.decode(text).unwrap().len(), 2998 * each);
+        }
+        assert_eq!(shown.distances.len(), 3000);
+        assert_eq!(shown.distances.iter().filter(|distance| distance.is_infinite()).count(), 2);
+        // A heap of one place and some others: there is no length to go by.
+        let mut heap = vec![[1.0; 3]; 1000];
+        heap[3] = [2.0; 3];
+        let heap = Shown::of(&PointCloud::new(&heap).unwrap(), 5000).unwrap();
+        assert_eq!((heap.shown, heap.strays), (1000, 0));
+    }
 }

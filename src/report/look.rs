@@ -154,4 +154,18 @@ mod tests {
         let frame = Frame::of(&small, &large, &far);
         assert!((20.0..40.0).contains(&frame.radius), "{frame:?}");
     }
+
+    #[test]
+    fn of_few_points_all_are_in_sight() {
+        for n in 2..50 {
+            let points: Vec<Vec3> = (0..n).map(|k| [f64::from(k * k), f64::from(k), 0.0]).collect();
+            let shown = Shown::of(&PointCloud::new(&points).unwrap(), 100).unwrap();
+            let frame = Frame::of(&shown, &shown, &Transform::IDENTITY);
+            for place in shown.cloud.positions() {
+                let local = math::sub(place, shown.middle);
+                let away = math::norm(math::sub(local, frame.center));
+                assert!(away <= frame.radius * (1.0 + 1e-9), "{n}: {away} {frame:?}");
+            }
+        }
+    }
 }

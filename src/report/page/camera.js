@@ -83,6 +83,7 @@ function makeCamera(look) {
         view: viewMatrix(right(), up(), toward, eye),
         projection: perspective(SLOPE, aspect, near, distance() + 50 * frame.radius),
         near,
+        distance: distance(),
       };
     },
   };

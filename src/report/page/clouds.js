@@ -43,6 +43,8 @@ const POINT_SHADER = {
 const POINT_WIDTH = 1.6;
 // Pixels of a screen of usual density.
 const [LEAST_WIDTH, MOST_WIDTH] = [1.8, 14];
+// A cloud that is hardly larger than a pixel is a dot as wide as this.
+const SPECK_WIDTH = 7;
 
 // Points that are measured to bring all into view.
 const MEASURED = 4000;
@@ -76,7 +78,8 @@ function makeCloud(gl, cloud) {
   };
   return {
     // `scale` is that of `model`; every `step`th point is drawn, somewhat wider.
-    draw({ view, projection, perUnit, density, none }, { model, scale, colour, colourBy, enlarge, step }) {
+    draw({ view, projection, perUnit, distance, density, none }, { model, scale, colour, colourBy, enlarge, step }) {
+      const extent = (norm(cloud.size) * scale * perUnit) / (distance * density);
       program.use({
         eyeFromCloud: product(view, model),
         projection,
@@ -87,7 +90,7 @@ function makeCloud(gl, cloud) {
         ramp: RAMP_RGB,
         valued: colourBy === "cloud" ? 0 : 1,
         reach: POINT_WIDTH * enlarge * scale * cloud.spacing * perUnit * step ** 0.25,
-        least: LEAST_WIDTH * enlarge * density,
+        least: Math.max(LEAST_WIDTH, SPECK_WIDTH - extent) * enlarge * density,
         most: MOST_WIDTH * enlarge * density,
       });
       places.use(step);
