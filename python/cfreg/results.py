@@ -215,7 +215,8 @@ class Registration:
     method : name of the method
     trusted : whether nothing speaks against the pose
     doubts : what does, Doubt each
-    verdict : Verdict, of "consensus" and of refinements that stay with its pose; None of others
+    verdict : Verdict on the pose that is returned; None where it was left out (verdict=False) or
+        could not be had
     evaluation : Evaluation of the clouds under the pose
     weighted_rms : root mean square of the weighted connections, in the target's unit; of the
         size of the cloud on a full connection, whatever the pose

@@ -17,7 +17,7 @@ class Registration(unittest.TestCase):
     def setUpClass(cls):
         source, (target, cls.truth) = terrain(800, seed=1), turned(terrain(800, seed=2))
         cls.found = cfreg.register(source, target, "cf", refine="icp")
-        cls.wrong = cfreg.register(source, np.random.default_rng(0).random((300, 3)), "cf")
+        cls.wrong = cfreg.register(source, np.random.default_rng(0).random((300, 3)), "cf", verdict=False)
         cls.refused = cfreg.register(source, np.random.default_rng(0).random((300, 3)))
 
     def test_the_pose_has_its_parts(self):
@@ -43,6 +43,28 @@ class Registration(unittest.TestCase):
         self.assertEqual(self.refused.doubts[0].ground, "improbable")
         self.assertEqual(self.refused.doubts[0].facts["found"], verdict.probability)
 
+    def test_every_method_is_judged_unless_told_off(self):
+        source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
+        for method in ("cf", "icp", "teaser"):
+            found = cfreg.register(source, target, method)
+            self.assertIsNotNone(found.verdict, method)
+            self.assertEqual(found.trusted, found.verdict.decision == "accept", found.doubts)
+            self.assertIsNone(cfreg.register(source, target, method, verdict=False).verdict)
+        with self.assertRaisesRegex(cfreg.SettingError, "verdict = sometimes: must be on, off or auto"):
+            cfreg.register(source, target, "cf", verdict="sometimes")
+        pair = [(source, target)]
+        self.assertIsNone(cfreg.register_batch(pair, "cf")[0]["decision"])
+        self.assertIsNotNone(cfreg.register_batch(pair, "cf", verdict=True)[0]["decision"])
+
+    def test_missing_returns_are_left_out_and_counted(self):
+        source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
+        zeros = np.zeros((300, 3))
+        found = cfreg.register(np.vstack([source, zeros]), target)
+        self.assertEqual(found.points["source"]["no_returns"], 300)
+        np.testing.assert_allclose(found.transform, cfreg.register(source, target).transform, atol=1e-6)
+        kept = cfreg.register(np.vstack([source, zeros]), target, "cf", keep_no_returns=True)
+        self.assertEqual(kept.points["source"]["no_returns"], 0)
+
     def test_any_pose_is_judged(self):
         source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
         told = cfreg.judge(source, target, self.found)
@@ -56,8 +78,6 @@ class Registration(unittest.TestCase):
         with self.assertRaisesRegex(cfreg.SettingError, "method = 'cf': poses are judged by consensus"):
             cfreg.judge(source, target, np.eye(4), method="cf")
 
-    # Red until refined poses are judged anew, as `method::Chain` shall.
-    @unittest.expectedFailure
     def test_a_pose_that_was_refined_has_a_verdict(self):
         source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
         target = target[target[:, 0] > -0.3]
