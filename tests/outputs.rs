@@ -76,7 +76,6 @@ fn an_answer_that_cannot_be_printed_is_none() {
         "info 0.ply",
         "info 0.ply --json",
         "demo --points 300",
-        "accuracy 0.ply --trials 1 --method cf",
         "--help",
         "register --help",
         "--version",
