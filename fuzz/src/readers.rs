@@ -14,8 +14,10 @@ use super::memory::bounded;
 const BUFFERS: usize = 64 << 10;
 /// The same of tables and documents.
 const TABLES: usize = 128 << 10;
-/// The same of rows of results, of which each takes some kilobytes, also where it is but a few words.
+/// The same of rows of results.
 const ROWS: usize = 256 << 10;
+/// Bytes for each byte of them: one of seven takes a kilobyte, and twice that while the list grows.
+const ROW: usize = 400;
 /// The same of Parquet: a page is unpacked at once.
 const PAGES: usize = 4 << 20;
 /// Most letters of a message.
@@ -178,7 +180,7 @@ pub fn rows(data: &[u8]) {
     let json = data.trim_ascii_start().first() == Some(&b'{');
     let path = door::file(if json { "rows.jsonl" } else { "rows.csv" }, data);
     let read =
-        heard(bounded(data.len(), ROWS + 100 * data.len(), || results::read(&path)), Some(&path));
+        heard(bounded(data.len(), ROWS + ROW * data.len(), || results::read(&path)), Some(&path));
     if let Some(text) = std::str::from_utf8(data).ok().filter(|_| json) {
         let parsed = heard(results::parse(text), None);
         assert_eq!(parsed, read, "a text is read otherwise than a file");

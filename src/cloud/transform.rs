@@ -84,7 +84,9 @@ impl Transform {
         let scale = if (scale - 1.0).abs() < 1e-6 { 1.0 } else { scale };
         let rotation = linear.map(|row| math::scaled(row, 1.0 / scale));
         let gram = math::mat_mul(&rotation, &math::transpose(&rotation));
-        if math::frobenius(&math::mat_sub(&gram, &IDENTITY)) > 1e-3 {
+        let off = math::frobenius(&math::mat_sub(&gram, &IDENTITY));
+        // NaN where entries are so large that their products are not finite.
+        if off.is_nan() || off > 1e-3 {
             return Err(bad("the upper left 3x3 must be a rotation, or a rotation times a scale"));
         }
         let translation = [0, 1, 2].map(|i| matrix[i][3]);
@@ -212,7 +214,14 @@ mod tests {
         nan[0][3] = f64::NAN;
         let mut projective = Transform::IDENTITY.matrix();
         projective[3][0] = 0.1;
-        for matrix in [mirror, shear, nan, projective] {
+        // Its determinant is inf - inf.
+        let huge = [
+            [0.9, 1.2, -2.0, 1.5],
+            [-2.0, 1e308, 0.0, -2.0],
+            [1.2, 1.6, -1e308, 0.25],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        for matrix in [mirror, shear, nan, projective, huge] {
             assert!(matches!(Transform::from_matrix(matrix), Err(Error::Config { .. })));
         }
     }
