@@ -70,7 +70,7 @@ enum Command {
     Licenses,
 }
 
-/// Crates and their licences; `tests/licenses.rs` compares it with `Cargo.lock`.
+/// Crates and their licences; `tests/it/licenses.rs` compares it with `Cargo.lock`.
 const THIRD_PARTY: &str = include_str!("../../THIRD-PARTY.txt");
 
 /// What a command found: the exit code of an answer.

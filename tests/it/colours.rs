@@ -1,7 +1,7 @@
 //! Colours stay colours from file to file, and names and what else a format cannot hold are
 //! changed or left out, and said.
 
-mod common;
+use crate::common;
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Kernel Correlation: it follows the reference step by step, its objective never falls,
 //! σ falls as configured, the answer follows the clouds, and where it fails it says so.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Mat3, Vec3};

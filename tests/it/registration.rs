@@ -1,6 +1,6 @@
 //! Whole registrations: how the answer must follow the clouds, and what odd clouds get.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};

@@ -1,7 +1,7 @@
 //! `cfreg reproduce --only scaling`: measured once, memory told apart, then read again.
 #![cfg(feature = "cli")]
 
-mod common;
+use crate::common;
 
 use std::cell::Cell;
 use std::fs;

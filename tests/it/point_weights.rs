@@ -1,6 +1,6 @@
 //! Weights of points: what counts twice is there twice, what counts nothing is not there.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Teaser};

@@ -1,6 +1,6 @@
 //! The fused moments are those of the double loop, and depend on nothing else.
 
-mod common;
+use crate::common;
 
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::par;

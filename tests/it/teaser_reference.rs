@@ -1,6 +1,6 @@
 //! TEASER takes the steps of the independent f64 reference, round by round.
 
-mod common;
+use crate::common;
 
 use cfreg::math::{self, Mat3, Vec3};
 use cfreg::method::Teaser;

@@ -1,6 +1,6 @@
 //! Coherent Point Drift: what it finds, how the answer follows the clouds, where it fails.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};

@@ -3,7 +3,7 @@
 //! `tests/golden/README.md` describes the cases: every kernel and normalisation, weights of
 //! points, every solver on moments that are well and badly posed.
 
-mod common;
+use crate::common;
 
 use cfreg::math::Vec3;
 use cfreg::moments::{FullConnection, Moments};

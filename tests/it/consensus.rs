@@ -1,6 +1,6 @@
 //! Consensus: what it finds, what it says of it, and what it makes of odd clouds.
 
-mod common;
+use crate::common;
 
 use cfreg::cloud::Viewpoints;
 use cfreg::experiment::benchmark::{self, Rule, Settings, list};

@@ -1,6 +1,6 @@
 //! What others wrote is read right: PLY, PCD and text of every kind, and real scans.
 
-mod common;
+use crate::common;
 
 use std::fs;
 use std::path::Path;

@@ -340,7 +340,7 @@ fn clouds_are_converted_and_described() {
 #[test]
 fn the_readmes_commands_run() {
     let folder = tempfile::tempdir().unwrap();
-    let readme = include_str!("../README.md");
+    let readme = include_str!("../../README.md");
     let lines: Vec<&str> = readme.lines().filter_map(|line| line.strip_prefix("cfreg ")).collect();
     assert!(lines.len() >= 6, "the README's command lines were not found");
     // By another line of it, for shells.

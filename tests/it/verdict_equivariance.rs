@@ -1,6 +1,6 @@
 //! The verdict follows the clouds: their unit, a map offset, and a motion of both.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
@@ -109,7 +109,7 @@ proptest! {
 #[test]
 #[cfg_attr(
     debug_assertions,
-    ignore = "unoptimised: slow; cargo test --release --test verdict_equivariance"
+    ignore = "unoptimised: slow; cargo test --release --test it verdict_equivariance"
 )]
 fn motions_of_real_pairs() {
     let Some(folder) = common::shared_data() else { return };

@@ -1,7 +1,7 @@
 //! Small inputs after faults that users of this field's programs reported: each stands for its
 //! kind. The files are beside the real scans; where they are not, the tests skip with a line.
 
-mod common;
+use crate::common;
 
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -4,7 +4,7 @@
 //! values of the stage before, so that one fault makes one test fail; the last test goes
 //! the whole way from points to pose on the crate's own values.
 
-mod common;
+use crate::common;
 
 use cfreg::PointCloud;
 use cfreg::descriptor::{self, BINS, HistogramScale};

@@ -1,7 +1,7 @@
 //! DARE: the EM of the paper step by step, what it finds, how the answer follows the
 //! clouds, where it fails.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};

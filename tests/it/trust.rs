@@ -1,8 +1,8 @@
 //! Is a wrong pose ever trusted? Real pairs of every kind, moved apart at random.
 //!
-//! `cargo test --release --test trust -- --nocapture` prints the figures.
+//! `cargo test --release --test it trust -- --nocapture` prints the figures.
 
-mod common;
+use crate::common;
 
 use cfreg::method::{Cf, Method, Register, Registration};
 use cfreg::quality::{MIN_AGREEMENT, truth_error};

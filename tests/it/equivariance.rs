@@ -1,7 +1,7 @@
 //! Normals and descriptors, each by itself, must follow the cloud: its motion, its unit,
 //! the order of its points, a map offset, and nothing else.
 
-mod common;
+use crate::common;
 
 use cfreg::descriptor::{HistogramScale, fpfh};
 use cfreg::experiment::shape::boulder;

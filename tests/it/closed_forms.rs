@@ -1,6 +1,6 @@
 //! The four closed forms solve the same problem and find the same answer.
 
-mod common;
+use crate::common;
 
 use cfreg::math::{self, Vec3};
 use cfreg::moments::Moments;

@@ -1,7 +1,7 @@
 //! The paper's experiments in small: files that are whole, the same again, and gone on with.
 #![cfg(feature = "figures")]
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeMap;
 use std::fs;

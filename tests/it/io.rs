@@ -1,6 +1,6 @@
 //! What is written is read back, and what cannot be written is said.
 
-mod common;
+use crate::common;
 
 use std::fs;
 

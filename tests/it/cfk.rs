@@ -1,7 +1,7 @@
 //! Keypoints and the full connection of them: what is found, how it follows the clouds,
 //! and what happens with too few.
 
-mod common;
+use crate::common;
 
 use std::collections::BTreeSet;
 

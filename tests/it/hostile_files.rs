@@ -1,7 +1,7 @@
 //! No file makes the reader panic or take memory it has no ground for, and what is
 //! wrong with it is said with the file and the place.
 
-mod common;
+use crate::common;
 
 use std::fs;
 

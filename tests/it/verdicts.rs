@@ -1,8 +1,6 @@
 //! The pose that is returned is the one that is verified: after refinements, from a given pose,
 //! and of methods that have no verdict of their own.
 
-mod common;
-
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Chain, Consensus, Icp, Method, Refine, Register};
@@ -190,7 +188,7 @@ fn a_ball_on_itself_is_not_accepted() {
     // Laid on the faces of a cube, which quarter turns map to themselves.
     let at = |i: usize| {
         let [u, v] = [i % 20, i / 20 % 20].map(|k| (k as f64 - 9.5) / 10.0);
-        let mut point = [u, v, if i / 400 % 2 == 0 { 1.0 } else { -1.0 }];
+        let mut point = [u, v, if (i / 400).is_multiple_of(2) { 1.0 } else { -1.0 }];
         point.rotate_right(i / 800);
         math::normalized(point)
     };

@@ -1,7 +1,7 @@
 //! What weights mean: any kernel works, every normalisation keeps its promise as seen from
 //! the moments, and weights that say nothing are an error.
 
-mod common;
+use crate::common;
 
 use cfreg::moments::{Described, FullConnection, Moments, naive};
 use cfreg::pose::{self, RANK_TOLERANCE, ScaleEstimate, Solver};

@@ -1,6 +1,6 @@
 //! The ICP family: the equations, what the answer must follow, and where it must doubt.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};

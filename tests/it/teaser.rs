@@ -1,6 +1,6 @@
 //! TEASER: what it finds, how the answer follows the clouds, and where it says that it fails.
 
-mod common;
+use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Register, Registration, Teaser};

@@ -1,0 +1,47 @@
+//! All tests of the crate from outside, in one binary: it links once. Those that measure their own
+//! process have files of their own beside this folder.
+
+mod common;
+
+mod architecture;
+mod batch;
+mod cached;
+mod cases;
+mod cfk;
+mod channels;
+mod cli;
+mod cli_files;
+mod cli_verdict;
+mod closed_forms;
+mod colours;
+mod connections;
+mod consensus;
+mod covariance;
+mod cpd;
+mod dare;
+mod equivariance;
+mod foreign_files;
+mod golden;
+mod golden_weights;
+mod hostile_files;
+mod icp;
+mod io;
+mod kernel_correlation;
+mod licenses;
+mod methods;
+mod moments;
+mod outputs;
+mod pairs;
+mod paper;
+mod point_weights;
+mod prior;
+mod registration;
+mod report;
+mod scaling;
+mod study;
+mod teaser;
+mod teaser_reference;
+mod trust;
+mod verdict_equivariance;
+mod verdicts;
+mod weights;
