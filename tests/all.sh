@@ -5,6 +5,13 @@ cd "$(dirname "$0")/.."
 
 step() { printf '\n== %s\n' "$*"; }
 
+# Packages are fetched while Rust compiles.
+environment() {
+    source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/requirements.txt
+}
+environment >/dev/null 2>&1 &
+fetched=$!
+
 if cargo fmt --version >/dev/null 2>&1; then
     step "format"
     cargo fmt --check
@@ -20,7 +27,9 @@ else
 fi
 
 step "the reference's environment"
-source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/requirements.txt
+# Whatever went wrong in the background is said here.
+wait "$fetched" || true
+environment
 
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)

@@ -19,7 +19,7 @@ use tempfile::TempDir;
 const BINARY: &str = env!("CARGO_BIN_EXE_cfreg");
 const CLOUDS: usize = 6;
 const PAIRS: usize = CLOUDS * CLOUDS;
-const RUN: &str = "batch pairs.csv --method cf+icp --set neighbors=20";
+const RUN: &str = "batch pairs.csv --method cf+icp --set neighbors=20 --verdict";
 /// Some seconds of work, one thread of it.
 const SLOW: &str =
     "batch pairs.csv --method cf --set neighbors=30 --refine cpd,dare,kc --threads 1";

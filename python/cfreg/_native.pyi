@@ -31,6 +31,7 @@ __all__ = [
     "evaluate",
     "judge",
     "fpfh",
+    "is_usable",
     "keypoints",
     "kernel_weights",
     "moments",
@@ -118,7 +119,7 @@ class PointCloud:
         frame_origin: _Place,
         normals: npt.NDArray[np.float32] | None,
         viewpoint: _Place | None,
-        dropped: tuple[int, int],
+        left_out: tuple[int, int],
         has: tuple[
             npt.NDArray[np.float32] | None, dict[str, npt.NDArray[np.float32]], dict[str, int]
         ],

@@ -177,7 +177,7 @@ impl MethodOptions {
             chain = chain.keeping_no_returns();
         }
         let verified = match self.verdict {
-            WhenVerified::Auto => !self.bulk || chain.first().outweighs_verdict(),
+            WhenVerified::Auto => !self.bulk || chain.outweighs_verdict(),
             WhenVerified::On => true,
             WhenVerified::Off => false,
         };

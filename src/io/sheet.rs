@@ -197,7 +197,7 @@ mod tests {
         for text in [&b"a,\xff\n"[..], b"\xc3,\xa9\n"] {
             assert!(open(text).1.err().unwrap().to_string().contains("not UTF-8"));
         }
-        let long = [b'x'; RECORD + 1];
+        let long = vec![b'x'; RECORD + 1];
         assert!(open(&long).1.err().unwrap().to_string().contains("more than 16 MiB"));
         let wide = vec![b','; COLUMNS];
         assert!(open(&wide).1.err().unwrap().to_string().contains("columns"));

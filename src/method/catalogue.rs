@@ -142,6 +142,12 @@ impl Method {
         }
     }
 
+    /// Whether agreement beyond chance alone speaks for its poses: `consensus` has a verdict,
+    /// `teaser` counts matches that chance does not bring together.
+    pub(super) fn rests_on_agreement(&self) -> bool {
+        !matches!(self, Method::Consensus(_) | Method::Teaser(_))
+    }
+
     /// The answer, or the error with what may help in settings that the method has.
     pub(crate) fn advised<T>(&self, found: Result<T>) -> Result<T> {
         found.map_err(|error| match error {

@@ -99,6 +99,11 @@ impl Chain {
         Chain { keep_no_returns: true, ..self }
     }
 
+    /// Whether [`Method::outweighs_verdict`] holds for the first method or a refinement.
+    pub fn outweighs_verdict(&self) -> bool {
+        self.first.outweighs_verdict() || self.refinements.iter().any(Method::outweighs_verdict)
+    }
+
     /// The first method.
     pub fn first(&self) -> &Method {
         &self.first

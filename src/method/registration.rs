@@ -110,6 +110,10 @@ impl Registration {
             doubts.push(Doubt::NotConverged { iterations: found.iterations });
         }
         let needed = found.config.least_agreement();
+        let (chance, most) = (evaluation.chance, quality::MAX_CHANCE);
+        if found.config.rests_on_agreement() && chance > most {
+            doubts.push(Doubt::HighChance { found: chance, most });
+        }
         doubts.extend(quality::doubts(&evaluation, singular_values, needed));
         let low = doubts.iter().any(|doubt| matches!(doubt, Doubt::LowAgreement { .. }));
         let by_origin = |counts: &Counts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
@@ -155,7 +159,8 @@ impl Registration {
         self.doubts.retain(|doubt| {
             !matches!(doubt, Doubt::LowAgreement { .. } | Doubt::HighChance { .. })
         });
-        self.doubts.extend(Doubt::of_verdict(&verdict));
+        // First, as it looks closest.
+        self.doubts.splice(0..0, Doubt::of_verdict(&verdict));
         self.trusted = self.doubts.is_empty();
         Registration { verdict: Some(verdict), ..self }
     }

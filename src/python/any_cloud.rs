@@ -14,7 +14,7 @@ use crate::io;
 /// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one, a file too.
 pub(super) enum AnyCloud<'py> {
     Given(Bound<'py, PyCloud>),
-    Made(PointCloud),
+    Made(Box<PointCloud>),
 }
 
 impl<'py> AnyCloud<'py> {
@@ -26,13 +26,14 @@ impl<'py> AnyCloud<'py> {
         normals: Option<&Bound<'py, PyAny>>,
         bad_rows: BadRows,
     ) -> PyResult<Self> {
+        let boxed = |made| AnyCloud::Made(Box::new(made));
         match (any.cast::<PyCloud>(), normals) {
             (Ok(given), None) => Ok(AnyCloud::Given(given.clone())),
             (_, None) if bad_rows == BadRows::Drop => match any.extract::<PathBuf>() {
-                Ok(path) => released(any.py(), || io::read(&path)).map(AnyCloud::Made),
-                Err(_) => PyCloud::made(any, name, None, bad_rows).map(AnyCloud::Made),
+                Ok(path) => released(any.py(), || io::read(&path)).map(boxed),
+                Err(_) => PyCloud::made(any, name, None, bad_rows).map(boxed),
             },
-            _ => PyCloud::made(any, name, normals, bad_rows).map(AnyCloud::Made),
+            _ => PyCloud::made(any, name, normals, bad_rows).map(boxed),
         }
     }
 

@@ -348,7 +348,7 @@ impl PyCloud {
         frame_origin: Vec3,
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
-        (dropped, no_returns): (usize, usize),
+        left_out: (usize, usize),
         has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>, BTreeMap<String, u16>),
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
@@ -363,6 +363,7 @@ impl PyCloud {
         let own = Rows::all(points.len());
         let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
         let channels = own.channels(&has.1, &has.2)?;
+        let (dropped, no_returns) = left_out;
         let parts = Parts {
             points,
             origin,

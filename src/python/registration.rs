@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 use super::any_cloud::AnyCloud;
 use super::arrays::pose;
 use super::doorway::{Pool, released, released_on};
-use super::errors::{about, exception, optional_real, refused};
+use super::errors::{SettingError, about, exception, optional_real, refused};
 use super::foreign::BadRows;
 use super::moments::index_pairs;
 use super::panics::caught;
@@ -51,7 +51,7 @@ impl Options {
             chain = chain.keeping_no_returns();
         }
         let verified = match self.verdict.as_str() {
-            "auto" => !bulk || chain.first().outweighs_verdict(),
+            "auto" => !bulk || chain.outweighs_verdict(),
             "on" => true,
             "off" => false,
             other => {

@@ -149,16 +149,12 @@ pub enum Doubt {
 }
 
 /// All grounds to doubt a pose with this evaluation and these relative singular values;
-/// `needed` is the least agreement; minus infinity where a verdict looks closer.
+/// `needed` is the least agreement.
 pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Doubt> {
     let mut doubts = Vec::new();
     let found = evaluation.agreement();
     if found.is_nan() || found < needed {
         doubts.push(Doubt::LowAgreement { found, needed });
-    }
-    let found = evaluation.chance;
-    if needed.is_finite() && found > MAX_CHANCE {
-        doubts.push(Doubt::HighChance { found, most: MAX_CHANCE });
     }
     let found = singular_values[1];
     if found.is_nan() || found < MIN_SINGULAR_VALUE {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
 use cfreg::cloud::Viewpoints;
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Method, Register, Registration};
+use cfreg::method::{Chain, Consensus, Method, Register, Registration};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -42,7 +42,7 @@ fn folder() -> TempDir {
 /// Pairs in that list.
 const PAIRS: usize = CLOUDS * CLOUDS + 3;
 const BINARY: &str = env!("CARGO_BIN_EXE_cfreg");
-const RUN: &str = "batch pairs.csv --method cf+icp --set neighbors=30";
+const RUN: &str = "batch pairs.csv --method cf+icp --set neighbors=30 --verdict";
 
 fn command(folder: &Path, line: &str) -> Command {
     let mut command = Command::new(BINARY);
@@ -104,7 +104,10 @@ fn threads_and_memory_change_nothing() {
         assert!(all.iter().all(|bytes| *bytes == all[0]), "{end}");
     }
     // What is written as Parquet is a list, too, with the same pairs.
-    done(folder.path(), "batch 1.parquet --method cf+icp --set neighbors=30 -o again.csv");
+    done(
+        folder.path(),
+        "batch 1.parquet --method cf+icp --set neighbors=30 --verdict -o again.csv",
+    );
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
     assert!(read("again.csv") == read("1.csv") && read("1.csv").lines().count() == PAIRS + 1);
 }
@@ -324,7 +327,7 @@ fn panics_and_time_limits_are_rows() {
     assert_eq!((summary.pairs, summary.errors, calls.into_inner()), (4, 3, 4));
     let text = fs::read_to_string(path.join("rows.csv")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    assert!(lines[1].contains("four points (tests/batch.rs:"), "{text}");
+    assert!(lines[1].contains("four points (tests/it/batch.rs:"), "{text}");
     assert!(lines[4].contains("four points"), "{text}");
     assert!(lines[2].starts_with("1,0.ply,1.ply,,"), "{text}");
     assert!(lines[3].contains("time limit of 2 s"), "{text}");
@@ -356,7 +359,7 @@ fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
         "cf".parse::<Method>().unwrap().with([("neighbors", 30.into())]).unwrap(),
         vec!["icp".parse().unwrap()],
     );
-    let chain = chain.unwrap();
+    let chain = chain.unwrap().with_verdict(Consensus::default());
     let list = List::read(&folder.path().join("pairs.csv"), folder.path()).unwrap();
     let mut batch = Batch::new(&chain, &chain);
     batch.viewpoints = Viewpoints::None;

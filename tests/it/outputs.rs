@@ -10,7 +10,7 @@ use cfreg::{Transform, io};
 use tempfile::TempDir;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_cfreg");
-const RUN: &str = "--method cf --set neighbors=30";
+const RUN: &str = "--method cf+icp --set neighbors=30 --verdict";
 
 /// Three clouds, a list of four pairs, a pose.
 fn folder() -> TempDir {
@@ -97,7 +97,7 @@ fn an_answer_that_cannot_be_printed_is_none() {
     }
     // What prints nothing needs no output.
     for command in [
-        "batch pairs.csv -o closed.csv --method cf --set neighbors=30 >&-",
+        "batch pairs.csv -o closed.csv --method cf+icp --set neighbors=30 --verdict >&-",
         "graph closed.csv -o closed.g2o >&-",
         "pairs sequence 0.ply 1.ply -o closed-pairs.csv >&-",
         "convert 0.ply closed.ply >&-",

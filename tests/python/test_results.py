@@ -90,7 +90,10 @@ class Registration(unittest.TestCase):
             [cfreg.KC(sigma=3.0, last_sigma=2.0), "icp"],
         ):
             found = cfreg.register(source, target, refine=refine)
-            self.assertIsNotNone(found.refined_from.verdict)
+            first = found.refined_from
+            while first.refined_from is not None:
+                first = first.refined_from
+            self.assertIsNotNone(first.verdict)
             self.assertIsNotNone(found.verdict, f"after {refine}")
             moved = found.transform @ np.linalg.inv(found.refined_from.transform)
             if np.linalg.norm(moved[:3, :3] - np.eye(3)) > 0.3:
@@ -138,7 +141,7 @@ class Registration(unittest.TestCase):
     def test_a_doubt_names_the_viewpoint_that_nobody_knows(self):
         self.assertIn("no-viewpoint", [doubt.ground for doubt in self.wrong.doubts])
         noise = cfreg.PointCloud(np.random.default_rng(0).random((300, 3)), viewpoint=(0, 0, 9))
-        known = cfreg.register(cfreg.PointCloud(terrain(300), viewpoint=(0, 0, 9)), noise, "cf")
+        known = cfreg.register(cfreg.PointCloud(terrain(300), viewpoint=(0, 0, 9)), noise, "cf", verdict=False)
         grounds = [doubt.ground for doubt in known.doubts]
         self.assertTrue("low-agreement" in grounds and "no-viewpoint" not in grounds, grounds)
 
@@ -161,7 +164,7 @@ class Registration(unittest.TestCase):
     def test_notebooks_show_a_table(self):
         from xml.etree import ElementTree
 
-        for found, verdict in ((self.found, "trusted"), (self.wrong, "not to be trusted")):
+        for found, verdict in ((self.found, "accept, right with probability 1.000"), (self.wrong, "not to be trusted")):
             table = ElementTree.fromstring(found._repr_html_())
             cells = [cell.text for cell in table.iter("td")]
             self.assertIn(verdict, cells)

@@ -296,10 +296,10 @@ mod tests {
     #[test]
     fn a_run_tells_its_time_error_and_memory() {
         let model = crate::experiment::shape::boulder().into();
-        let trial = pair(&model, 300).unwrap();
+        let trial = pair(&model, 1000).unwrap();
         let meter = Meter { start: || 1000, peak: || 5000 };
         let found = measure("icp", &"icp".parse().unwrap(), &trial, Some(meter));
-        assert_eq!((found.method.as_str(), found.points, found.bytes), ("icp", 300, Some(4000)));
+        assert_eq!((found.method.as_str(), found.points, found.bytes), ("icp", 1000, Some(4000)));
         assert!(found.seconds > 0.0 && found.trusted && found.rotation_deg.unwrap() < 5.0);
         assert!(found.stages.contains("evaluate "), "{}", found.stages);
         let few = pair(&model, 3).unwrap();
