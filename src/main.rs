@@ -21,7 +21,7 @@ mod output {
         fn fcntl(file: i32, command: i32, ...) -> i32;
     }
 
-    extern "C" fn look() {
+    extern "C" fn check_output() {
         const STDOUT: i32 = 1;
         const F_GETFD: i32 = 1;
         // SAFETY: asks for the flags of a file by its number, whether there is one or not.
@@ -32,7 +32,7 @@ mod output {
     #[used]
     #[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
     #[cfg_attr(target_os = "macos", unsafe(link_section = "__DATA,__mod_init_func"))]
-    static BEFORE_MAIN: extern "C" fn() = look;
+    static BEFORE_MAIN: extern "C" fn() = check_output;
 
     pub fn is_open() -> bool {
         !CLOSED.load(Ordering::Relaxed)

@@ -27,7 +27,7 @@ else
 fi
 
 step "the reference's environment"
-# Whatever went wrong in the background is said here.
+# A failure in the background is repeated, and told, here.
 wait "$fetched" || true
 environment
 

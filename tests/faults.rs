@@ -1,4 +1,4 @@
-//! What goes wrong around the program: kills, full disks, folders that may not be written, other
+//! Faults around the program: kills, full disks, folders that may not be written, other
 //! processes, files that go away, signals, pipes that are closed. Nothing that was done is lost,
 //! nothing half done is taken for done, and what went wrong is said.
 //!

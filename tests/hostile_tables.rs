@@ -42,7 +42,7 @@ static ALLOCATOR: Counting = Counting;
 /// One test after the other: memory is that of the process.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// What reading a file may take, as `io::guard` says, and what is held beside.
+/// The memory that reading a file may take, as `io::guard` says, and that is held beside.
 fn most(size: usize) -> usize {
     10 * size + (256 << 20) + (64 << 20)
 }

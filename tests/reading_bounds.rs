@@ -18,7 +18,7 @@ static MEMORY: PeakAlloc = PeakAlloc;
 /// One test at a time: the other's memory and time would count.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// What a reader may take beside: for the names of as many columns as a header of 1 MiB has.
+/// The memory that a reader may take beside: for the names of as many columns as a header of 1 MiB has.
 const BESIDE: usize = 64 << 20;
 
 /// Reads a file of this content, and the bytes that were held at most while it was read.
@@ -122,7 +122,7 @@ fn memory_is_ten_times_the_file_at_most() {
         let (read, held) = peak(&folder.path().join(name), &content);
         let times = held as f64 / content.len() as f64;
         println!("{name}, {case}: {times:.1} x {:.1} MB", content.len() as f64 / 1e6);
-        // What is said in the header itself is not weighed by the file.
+        // The text of the header itself is not weighed by the file.
         let beside = if case == "compressed" { BESIDE } else { 1 << 20 };
         assert!(held <= 10 * content.len() + beside, "{name}, {case}: {times:.1}, {read:?}");
     }

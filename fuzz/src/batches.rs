@@ -34,7 +34,7 @@ impl Register for Quick<'_> {
     }
 }
 
-/// What all runs have in common, and what a run is that nothing disturbs.
+/// The parts that all runs share, and the result of a run that nothing disturbs.
 struct Honest {
     found: Registration,
     clouds: [Arc<PointCloud>; 2],

@@ -119,7 +119,7 @@ pub(super) fn pair(bytes: &mut Bytes<'_>) -> Option<[PointCloud; 2]> {
     Some([dressed(&first, bytes)?, dressed(&second, bytes)?])
 }
 
-/// What is written is read: every format, whatever the cloud has.
+/// A cloud that is written is read again: every format, whatever the cloud has.
 pub fn round_trip(data: &[u8]) {
     let mut bytes = Bytes(data);
     // Any numbers at all, or those that make a cloud.

@@ -15,7 +15,7 @@ thread_local! {
 struct Folder(PathBuf);
 
 impl Folder {
-    /// Of this thread alone, where `CFREG_FUZZ_FOLDER` says, else in memory where the system has
+    /// A folder of this thread alone, where `CFREG_FUZZ_FOLDER` says, else in memory where the system has
     /// such a place.
     fn new() -> Folder {
         let memory = Path::new("/dev/shm");

@@ -1,4 +1,4 @@
-//! What no input may do: one function a target, which panics where a promise is broken.
+//! Fuzz targets: one function each, which panics where an input breaks a promise.
 //!
 //! The binaries of cargo-fuzz hand bytes to these functions (`fuzz/run.sh`), and so does
 //! `tests/fuzz.rs`, with the stable compiler and without a fuzzer. They go through the public doors

@@ -80,7 +80,7 @@ pub(super) fn sound(cloud: &PointCloud) {
     }
 }
 
-/// What was read; `None` after an error that has words, not too many, and the name of its file.
+/// The value that was read; `None` after an error that has words, not too many, and the name of its file.
 pub(super) fn heard<T>(read: Result<T, Error>, path: Option<&Path>) -> Option<T> {
     match read {
         Ok(read) => Some(read),

@@ -37,7 +37,7 @@ pub fn settings(data: &[u8]) {
     names(text);
 }
 
-/// What was found; `None` after an error that has words. It says again what a person typed, however
+/// The value that was found; `None` after an error that has words. It says again what a person typed, however
 /// long that is.
 fn heard<T>(found: cfreg::Result<T>) -> Option<T> {
     found.map_err(|error| assert!(!error.to_string().is_empty())).ok()

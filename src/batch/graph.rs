@@ -71,7 +71,7 @@ struct Edge {
 }
 
 impl Graph {
-    /// Of the rows of a list: an edge for each whose pose may be used ([`Row::is_usable`]). Clouds
+    /// The graph of the rows of a list: an edge for each whose pose may be used ([`Row::is_usable`]). Clouds
     /// are numbered as they come, those without an edge too.
     ///
     /// # Errors
@@ -407,7 +407,7 @@ mod tests {
         sheared.pose = Some(std::array::from_fn(|k| k as f64));
         let said = Graph::of(&[sheared]).unwrap_err().to_string();
         assert!(said.starts_with("rows = pair 7: its pose is not a rotation"), "{said}");
-        // What is accepted and yet doubted, as where the clouds are flat.
+        // A pose may be accepted and yet doubted, as where the clouds are flat.
         let doubted = Row { trusted: Some(false), ..row("b", "a", "accept", one, 0.99) };
         let failed = Row { error: Some("none".into()), ..row("b", "a", "accept", one, 0.99) };
         let untold = Row { trusted: None, ..row("b", "a", "accept", one, 0.99) };

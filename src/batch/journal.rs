@@ -30,7 +30,7 @@ pub(super) struct Journal {
     done: usize,
     /// Lines that are not as they were written, or of other pairs.
     damaged: usize,
-    /// Of the first line.
+    /// Checksum of the first line.
     begun: u64,
     synced: Instant,
 }
@@ -263,7 +263,7 @@ fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u
     Ok(ours.then_some(line))
 }
 
-/// What stands between a row and its checksum, and the length of that.
+/// The separator between a row and its checksum, and the length of the checksum.
 const SUM: &str = ",\"checksum\":\"";
 const SUM_DIGITS: usize = 16;
 

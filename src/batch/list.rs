@@ -11,7 +11,7 @@ use crate::io::guard::GROWING;
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
 #[derive(Debug, Clone, Default)]
 pub struct List {
-    /// What it was read from.
+    /// The file that it was read from.
     file: Option<PathBuf>,
     folder: PathBuf,
     names: Vec<String>,

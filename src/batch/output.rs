@@ -105,7 +105,7 @@ pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
         }
         written.push(run);
     }
-    // What is not there is nobody's input.
+    // A file that is not there is no input.
     written.retain(|path| path.is_file());
     let taken: Vec<(Option<Identity>, PathBuf)> =
         written.into_iter().map(|path| (Identity::of(&path), path)).collect();

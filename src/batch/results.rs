@@ -144,7 +144,7 @@ impl<'de> Deserialize<'de> for Cells {
     }
 }
 
-/// What a cell may be: neither a list nor an object.
+/// The value of a cell: neither a list nor an object.
 struct Scalar(Value);
 
 impl<'de> Deserialize<'de> for Scalar {

@@ -134,7 +134,7 @@ impl Channels {
         Ok(channels)
     }
 
-    /// What whole numbers files have for a channel that is a colour; `None` for plain numbers,
+    /// The whole numbers that files have for a channel that is a colour; `None` for plain numbers,
     /// and where there is no such channel.
     pub fn color_depth(&self, name: &str) -> Option<ColorDepth> {
         self.find(name)?.color

@@ -263,7 +263,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the order of the rows, the unit and the place of the cloud.
+        /// The order of the rows, the unit and the place of the cloud do not matter.
         #[test]
         fn missing_returns_are_found_wherever_they_stand(
             marks in 20..400usize, seed in 0..1000usize, unit in -20..20i32,

@@ -66,7 +66,7 @@ pub(super) enum Kind {
 /// A column beside positions and normals.
 #[derive(Debug, Clone)]
 pub(super) struct Extra {
-    /// Of the channel that it becomes, or `weight`.
+    /// Name of the channel that it becomes, or `weight`.
     pub(super) name: String,
     column: usize,
     pub(super) kind: Kind,
@@ -87,7 +87,7 @@ pub(super) fn slot(name: &str) -> Option<usize> {
     SLOTS.iter().position(|names| names.iter().any(|slot| slot.eq_ignore_ascii_case(name)))
 }
 
-/// What a column is for.
+/// The use of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Use {
     Slot(usize),
@@ -253,7 +253,7 @@ impl Columns {
     }
 }
 
-/// What is said of a column whose value in `row`, from 0, is no number that f32 holds.
+/// The words for a column whose value in `row`, from 0, is no number that f32 holds.
 pub(super) fn no_number(name: &str, row: usize) -> String {
     format!("{} (no finite number at point {row})", short(name))
 }

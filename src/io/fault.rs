@@ -53,7 +53,7 @@ pub(crate) fn shown(text: &str) -> String {
     }
 }
 
-/// What another crate says, which may repeat all that is in a file: its beginning.
+/// The beginning of a message of another crate, which may repeat all that is in a file.
 pub(super) fn beginning(said: &str) -> String {
     const LONGEST: usize = 200;
     match said.char_indices().nth(LONGEST) {

@@ -52,7 +52,7 @@ impl Guarded {
         Ok(Guarded { file, left: (!regular).then_some(STREAM), size })
     }
 
-    /// What may be made of the file.
+    /// The memory that may be taken for the file.
     pub(crate) fn budget(&self) -> Budget {
         Budget::new(self.size)
     }

@@ -1,4 +1,4 @@
-//! What a cloud is written with: coordinates, then what its points have beside, as each format
+//! The layout of a file that a cloud is written to: coordinates, then what its points have beside, as each format
 //! holds it.
 
 use std::io::{self, Write};

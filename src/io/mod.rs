@@ -175,7 +175,7 @@ pub fn differences(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<Differe
     Ok(layout(path.as_ref(), cloud)?.differences)
 }
 
-/// What a cloud is written with to a file of that extension.
+/// The layout of a file of that extension for a cloud.
 fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<Layout<'a>> {
     // Beside its name, a field takes `property double ` and a line end of a PLY header, and as
     // much as ` 4 F 1` of PCD.
@@ -187,7 +187,7 @@ fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<Layout<'a>> {
         _ => return Err(unknown_extension(path)),
     };
     let header: usize = layout.fields.iter().map(|field| field.name.len() + beside).sum();
-    // What is there without any field takes less than that.
+    // Points without any field take less than that.
     if header + 1000 > LONGEST_HEADER {
         let rule = format!("are more than a header of {LONGEST_HEADER} bytes names: write fewer");
         return Err(Error::config("channels", layout.fields.len(), rule));

@@ -24,7 +24,7 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
 
-/// What a file is, by whatever path and links one comes to it: its device and its number there.
+/// The identity of a file, by whatever path and links it is reached: its device and its number there.
 /// One that is not there yet is its name in its folder.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Identity(Place, Option<PathBuf>);

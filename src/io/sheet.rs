@@ -84,13 +84,13 @@ impl Sheet {
         self.columns.get(name).copied().ok_or_else(missing)
     }
 
-    /// What is in a column of the current row, without blanks around it.
+    /// The cell of the current row in a column, without blanks around it.
     pub(crate) fn cell(&self, column: usize) -> &str {
         let from = column.checked_sub(1).map_or(0, |before| self.ends[before]);
         std::str::from_utf8(&self.text[from..self.ends[column]]).unwrap_or_default().trim()
     }
 
-    /// What is in the column of that name, if there is one.
+    /// The cell in the column of that name, if there is one.
     pub(crate) fn find(&self, name: &str) -> Option<&str> {
         self.columns.get(name).map(|&column| self.cell(column))
     }

@@ -20,7 +20,7 @@ pub(super) struct Table {
     rows: usize,
     /// Rows that are there although they are not finite, for what refers to them by number.
     keeps_all: bool,
-    /// Of colours in text, those that are not all whole numbers, a bit each.
+    /// Colours in text that are not all whole numbers, a bit each.
     decimal: u8,
     differences: Differences,
 }
@@ -170,7 +170,7 @@ impl Table {
                 channels = column.into_channels(channels, depth, &mut differences)?;
             }
         }
-        // What the places take is given back before anything else is made.
+        // The memory of the places is given back before anything else is made.
         let cloud = match self.places {
             Places::Single(places) => PointCloud::from_f32(&places),
             Places::Double(places) => PointCloud::new(&places),

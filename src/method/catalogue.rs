@@ -79,7 +79,7 @@ impl Method {
         }
     }
 
-    /// What verifies poses of the method: a search by its channels and its prior.
+    /// The search that verifies poses of the method, by its channels and its prior.
     pub fn judge(&self) -> Consensus {
         let (prior, channels) = match self {
             Method::Consensus(method) => return method.clone(),

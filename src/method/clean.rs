@@ -49,7 +49,7 @@ impl Keep for Clean {
     }
 }
 
-/// What a method takes of `cloud`; `None` where that is all of it, as it is.
+/// The points that a method takes of `cloud`; `None` where it takes all, as they are.
 pub(super) fn points(cloud: &PointCloud, keep_no_returns: bool) -> Result<Option<PointCloud>> {
     let returns = if keep_no_returns { None } else { filter::remove_no_returns(cloud) };
     let distinct = filter::distinct_places(returns.as_ref().unwrap_or(cloud))?;

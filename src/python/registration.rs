@@ -32,7 +32,7 @@ struct Given {
     matches: Option<Vec<(u32, u32)>>,
 }
 
-/// What may follow a registration, and what is left out before it; a JSON object.
+/// Whether the pose is verified afterwards, and which points are left out before; a JSON object.
 #[derive(Deserialize)]
 pub(super) struct Options {
     /// Whether poses without a verdict are verified: on, off or auto.
@@ -116,7 +116,7 @@ pub(super) fn register(
     to_json(&found)
 }
 
-/// What the first method finds by its own weights or matches; `None` where it was given none.
+/// The result of the first method by weights or matches of one's own; `None` where there are none.
 fn begin(
     method: &Method,
     given: &Given,

@@ -62,7 +62,7 @@ impl Frame {
             let mut away: Vec<f64> =
                 side.iter().map(|&p| math::norm(math::sub(p, center))).collect();
             away.sort_by(f64::total_cmp);
-            // Of few points none is a stray.
+            // Few points have no strays.
             away[(SEEN * (away.len() - 1) as f64).round() as usize]
         });
         let radius = radius.fold(0.0, f64::max);

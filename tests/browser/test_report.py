@@ -108,7 +108,7 @@ class Page(unittest.TestCase):
             self.assertAlmostEqual(moved[0] - x, 0.1, delta=0.02)
             self.assertAlmostEqual(moved[1] - y, 0.1, delta=0.02)
             self.browser.press("r")
-        # What is under the pointer stays there.
+        # The point under the pointer stays there.
         self.browser.wheel(0.1, 0.5, 200)
         far = self.browser.pixels()
         self.assertLess(share(far, ORANGE), 0.7 * share(first, ORANGE))
@@ -178,7 +178,7 @@ class Page(unittest.TestCase):
         self.quiet()
 
     def test_odd_clouds(self):
-        """What a person sees of clouds that no method would register."""
+        """The view of clouds that no method would register."""
         folder = self.folder.path
         rng = np.random.default_rng(3)
         lump = rng.normal(size=(2000, 3))

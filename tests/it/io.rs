@@ -106,7 +106,7 @@ proptest! {
             }
             let back = match io::read(&path) {
                 Ok(back) => back,
-                // What is left of a cloud may span less than a cloud can.
+                // The rest of a cloud may span less than a cloud can.
                 Err(Error::Parse { what, .. }) if what.contains("span") => continue,
                 Err(error) => panic!("{error}"),
             };

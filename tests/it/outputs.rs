@@ -95,7 +95,7 @@ fn an_answer_that_cannot_be_printed_is_none() {
             assert!(said.contains(words), "{line}: {said}");
         }
     }
-    // What prints nothing needs no output.
+    // A command that prints nothing needs no output.
     for command in [
         "batch pairs.csv -o closed.csv --method cf+icp --set neighbors=30 --verdict >&-",
         "graph closed.csv -o closed.g2o >&-",

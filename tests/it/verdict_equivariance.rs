@@ -104,7 +104,7 @@ proptest! {
     }
 }
 
-/// Of real pairs, as they are stored and with both clouds moved at random and put into map
+/// Real pairs, as they are stored and with both clouds moved at random and put into map
 /// coordinates: prints how far the log odds go apart.
 #[test]
 #[cfg_attr(

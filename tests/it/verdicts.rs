@@ -108,7 +108,7 @@ fn icp_from_a_pose_that_is_given_is_not_drawn_away() {
     let bounded = chain("icp", &[]).with_initial(near).unwrap();
     let found = bounded.register(&source, &target).unwrap();
     assert!(off(&found.transform) < 0.04, "{}", off(&found.transform));
-    // What is said counts.
+    // A bound that is given counts.
     let icp = Method::Icp(Icp { max_distance: Some(100.0), ..Icp::default() });
     let told = Chain::new(icp, Vec::new()).unwrap().with_initial(near).unwrap();
     assert_eq!(told.register(&source, &target).unwrap().transform, unbounded.transform);

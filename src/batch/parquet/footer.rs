@@ -6,7 +6,7 @@ use std::io::{Read, Seek, SeekFrom};
 
 use super::thrift::{Kind, Result, Thrift};
 
-/// What a column has, for those that are read.
+/// Metadata of a column that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Physical {
     Flag,
@@ -63,7 +63,7 @@ pub(super) struct Group {
 pub(super) struct Footer {
     pub(super) leaves: Vec<Leaf>,
     pub(super) groups: Vec<Group>,
-    /// What is said of the file under the key that was asked for.
+    /// The value of the key that was asked for, in the metadata of the file.
     pub(super) fact: Option<String>,
 }
 
@@ -76,7 +76,7 @@ impl Footer {
     /// under `key`.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// A message that says how the file is broken.
     pub(super) fn read(
         file: &mut File,
         size: u64,
@@ -213,7 +213,7 @@ impl Schema {
     }
 }
 
-/// What is said of a file: a name and a value.
+/// An entry of the metadata of a file: a name and a value.
 fn fact<'a>(thrift: &mut Thrift<'a>) -> Result<(&'a [u8], &'a [u8])> {
     let (mut name, mut value): (&[u8], &[u8]) = (&[], &[]);
     thrift.fields(|thrift, field, kind| {

@@ -88,7 +88,7 @@ pub(super) fn rows(
     })
 }
 
-/// What a run wrote into its file of what it was asked for.
+/// The settings that a run wrote into its file.
 ///
 /// # Errors
 /// Those of [`rows`].
@@ -149,7 +149,7 @@ struct Table<'a> {
     path: &'a Path,
     file: File,
     footer: Footer,
-    /// Of the columns that are there.
+    /// Names of the columns that are there.
     names: Vec<String>,
     budget: Budget,
 }

@@ -26,7 +26,7 @@ pub(super) struct Pages {
     optional: bool,
 }
 
-/// What a page says of itself, and where it is in the chunk.
+/// The header of a page, and its place in the chunk.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Header {
     at: usize,
@@ -40,11 +40,11 @@ struct Header {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum Body {
     Dictionary,
-    /// Of the first version; whether levels are packed bits instead of runs.
+    /// A data page of the first version; whether levels are packed bits instead of runs.
     #[default]
     One,
     OnePackedLevels,
-    /// Of the second version; bytes of its levels, which are not compressed.
+    /// A data page of the second version; bytes of its levels, which are not compressed.
     Two {
         levels: usize,
         nulls: usize,
@@ -65,10 +65,10 @@ enum Encoded {
 }
 
 impl Pages {
-    /// Of a chunk that holds `rows` values.
+    /// The pages of a chunk that holds `rows` values.
     ///
     /// # Errors
-    /// What is wrong with a header.
+    /// A message that says how the header is broken.
     pub(super) fn new(
         chunk: Bytes,
         snappy: bool,

@@ -1,13 +1,13 @@
 //! Thrift's compact protocol, in which Parquet has its footer and the headers of its pages: read
 //! from bytes that are there, so that no length is believed and nothing is reserved.
 
-/// What is wrong with the bytes.
+/// A message that says how the bytes are broken.
 pub(super) type Result<T> = std::result::Result<T, String>;
 
 /// Structs within structs that are followed. Those of Parquet are six deep.
 const DEEPEST: usize = 24;
 
-/// What a value is.
+/// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Flag(bool),

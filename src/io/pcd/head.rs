@@ -52,7 +52,7 @@ impl Head {
         }
     }
 
-    /// What pcd-rs refused, in the line of the entry that it speaks of.
+    /// The refusal of pcd-rs, with the line of the entry that it speaks of.
     pub fn fault(&self, error: pcd_rs::Error) -> Fault {
         let what = match error {
             pcd_rs::Error::ParseError { desc, .. } => desc,

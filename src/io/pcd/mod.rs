@@ -73,7 +73,7 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     Ok(table.seen_from((viewpoint != [0.0; 3]).then_some(viewpoint)))
 }
 
-/// What a cloud does not have of the file, whatever its points are.
+/// The parts of the file that a cloud does not have, whatever its points are.
 fn differences(head: &Head, meta: &PcdMeta) -> Differences {
     let mut differences = Differences::default();
     differences.leave_out_all(head.comments, "comment");

@@ -34,7 +34,7 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
     Ok(vertices.read(&mut body, false)?.without(differences(&header, &vertices)))
 }
 
-/// What a cloud does not have of the file, whatever its points are.
+/// The parts of the file that a cloud does not have, whatever its points are.
 fn differences(header: &Header, vertices: &Vertices<'_>) -> Differences {
     let mut differences = Differences::default();
     for element in header.elements.values().filter(|element| element.name != "vertex") {

@@ -42,7 +42,7 @@ function makeCamera(look) {
   return {
     turn,
     pan,
-    // What is at (x, y) from the middle, in half heights, stays there.
+    // The point at (x, y) from the middle, in half heights, stays there.
     zoom(factor, [x, y] = [0, 0]) {
       const next = Math.min(Math.max(far * factor, NEAREST), FARTHEST);
       const share = 1 - next / far;
@@ -75,7 +75,7 @@ function makeCamera(look) {
       // From above there would be no way up on the screen.
       if (Math.abs(dot(toward, axis)) > 0.95) toward = unit(added(toward, scaled(AXES[(next + 1) % AXES.length], 0.6)));
     },
-    // What is drawn with.
+    // The matrices that are drawn with.
     matrices() {
       const eye = added(added(frame.center, offset), scaled(toward, distance()));
       const near = distance() / 200;
