@@ -20,6 +20,8 @@ const ALLOWANCE: f64 = 4.0;
 const SHRINK: f64 = 0.7;
 /// Most rounds.
 const ROUNDS: usize = 6;
+/// Longest bound that ICP takes.
+const LONGEST: f64 = 1e15;
 /// Points that distances are measured at.
 const PROBES: usize = 1000;
 
@@ -37,12 +39,17 @@ pub(super) fn refine_bounded(
     let [from, onto] =
         par::both([source, target], |end| filter::voxel_side(end.cloud, super::consensus::POINTS))?;
     let shortest = MAX_PAIR * (from * initial.scale).max(onto);
+    let few = [source, target].iter().any(|end| end.cloud.len() < 3);
+    if few || !(shortest > 0.0 && shortest < LONGEST) {
+        // Clouds without a size: the method itself says what is wrong with them.
+        return icp.refine_cached(source, target, initial);
+    }
     let mut found: Option<Registration> = None;
     let mut before = f64::INFINITY;
     for _ in 0..ROUNDS {
         let pose = found.as_ref().map_or(*initial, |found| found.transform);
         let near = nearest_share(source.cloud, target.cloud, &pose)?;
-        let bound = shortest.max(ALLOWANCE * near);
+        let bound = shortest.max(ALLOWANCE * near).min(LONGEST);
         if found.is_some() && bound > SHRINK * before {
             break;
         }

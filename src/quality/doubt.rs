@@ -36,7 +36,7 @@ pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
 pub const MAX_CHANCE: f64 = 0.4;
 /// The same above which a verdict that accepts is ambiguous: a ball or a cube lies on itself
 /// however it is turned. Chosen by hand: two samples of 100 points of `cfreg demo`, told apart
-/// by their shape, reach 0.78; a ball has 0.97.
+/// by their shape, reach 0.78; a ball laid out on the faces of a cube has 1.
 pub const MAX_CHANCE_VERIFIED: f64 = 0.9;
 /// Second relative singular value below which a rotation is doubted: about one axis the
 /// weights then hardly tell one angle from another.

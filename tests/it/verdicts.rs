@@ -204,6 +204,26 @@ fn a_ball_on_itself_is_not_accepted() {
 }
 
 #[test]
+fn odd_clouds_with_a_pose_to_start_from_have_a_defined_result() {
+    let cloud = |n: usize| {
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
+        PointCloud::new(&points[..n]).unwrap()
+    };
+    let place = PointCloud::new(&[[1.0, 2.0, 3.0]; 9]).unwrap();
+    let huge = Transform { translation: [1e17, 0.0, 0.0], ..Transform::IDENTITY };
+    for name in ["icp", "plane-icp", "gicp"] {
+        let from = |initial| chain(name, &[]).with_initial(initial).unwrap();
+        for (source, target) in [(0, 0), (0, 4), (4, 0), (1, 4), (2, 2)] {
+            let found = from(Transform::IDENTITY).register(&cloud(source), &cloud(target));
+            assert!(found.is_err(), "{name} {source} {target}");
+        }
+        assert!(from(Transform::IDENTITY).register(&place, &place).is_err(), "{name}");
+        _ = from(huge).register(&cloud(4), &cloud(4));
+        _ = from(Transform::IDENTITY).register(&cloud(4), &place);
+    }
+}
+
+#[test]
 fn clouds_too_small_for_a_verdict_are_doubted() {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
     let cloud = PointCloud::new(&points).unwrap();
