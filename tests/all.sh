@@ -20,8 +20,7 @@ else
 fi
 if cargo clippy --version >/dev/null 2>&1; then
     step "lints"
-    cargo clippy --all-targets --quiet -- -D warnings
-    cargo clippy --no-default-features --features python --quiet -- -D warnings
+    cargo clippy --all-targets --features python --quiet -- -D warnings
 else
     step "lints: skipped, clippy is not installed"
 fi
