@@ -93,7 +93,7 @@ pub(super) fn dressed(points: &[[f64; 3]], bytes: &mut Bytes<'_>) -> Option<Poin
     }
     let viewpoint = match bytes.below(3) {
         0 => [0.0; 3],
-        1 => cloud.position(0),
+        1 if !cloud.is_empty() => cloud.position(0),
         _ => bytes.triple().map(|x| 10.0 * x * cloud.diagonal()),
     };
     heard(cloud.with_viewpoint(viewpoint), None)

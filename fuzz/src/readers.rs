@@ -12,7 +12,7 @@ use super::memory::bounded;
 
 /// Bytes beside ten times the file that a reader of clouds may hold: a buffer of 64 KiB, names and
 /// words.
-const BUFFERS: usize = 96 << 10;
+const BUFFERS: usize = 128 << 10;
 /// The same of tables and documents.
 const TABLES: usize = 128 << 10;
 /// The same of rows of results.

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::cells::Cell;
 use crate::cloud::Transform;
+use crate::io;
 use crate::math::cholesky::Mat6;
 use crate::method::Registration;
 use crate::quality::{self, Decision};
@@ -208,14 +209,16 @@ impl Row {
             Some(Value::Bool(flag)) => Ok(Some(flag)),
             Some(Value::String(word)) if word == "true" => Ok(Some(true)),
             Some(Value::String(word)) if word == "false" => Ok(Some(false)),
-            Some(value) => Err(format!("column {name}: {value} is neither true nor false")),
+            Some(value) => {
+                Err(format!("column {name}: {} is neither true nor false", words(&value)))
+            }
         };
         let number = |name: &str| {
             let Some(value) = cell(name) else { return Ok(None) };
             let found = value.as_f64().or_else(|| value.as_str()?.parse().ok());
             match found.filter(|number| number.is_finite()) {
                 Some(number) => Ok(Some(number)),
-                None => Err(format!("column {name}: {value} is not a number")),
+                None => Err(format!("column {name}: {} is not a number", words(&value))),
             }
         };
         let count = |name: &str| match number(name)? {
@@ -310,6 +313,14 @@ pub(crate) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
     matrix
 }
 
+/// The beginning of a value, as messages have it.
+fn words(value: &Value) -> String {
+    match value {
+        Value::String(text) => io::shown(text),
+        other => other.to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::HashMap;
@@ -361,6 +372,7 @@ mod tests {
             Row::read(get).unwrap_err()
         };
         assert!(broken("t00", "x".into()).contains("column t00: \"x\" is not a number"));
+        assert!(broken("t00", "\0".repeat(9999).into()).len() < 400);
         assert!(broken("undetermined", (-1).into()).contains("not a count"));
         assert!(broken("source", Value::Null).contains("nothing in it"));
         assert_eq!(flat["cov55"], 20f64.sqrt() * 1e-300);
