@@ -19,7 +19,8 @@ fn read(
     stream: u64,
 ) -> Result<PointCloud> {
     let (mut cloud, _) = read_whole(path)?;
-    for mark in filter::no_returns(&cloud) {
+    let marks = filter::no_returns(&cloud);
+    for mark in &marks {
         let ([x, y, z], rows) = (mark.place, mark.rows);
         let path = path.display();
         let done = match keep_no_returns {
@@ -28,7 +29,8 @@ fn read(
         };
         say(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
     }
-    if !keep_no_returns {
+    // Most clouds have none: they are not looked through once more.
+    if !keep_no_returns && !marks.is_empty() {
         cloud = filter::without_no_returns(cloud);
     }
     thinning.apply(cloud, stream)
