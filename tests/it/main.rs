@@ -19,6 +19,7 @@ mod consensus;
 mod covariance;
 mod cpd;
 mod dare;
+mod digests;
 mod equivariance;
 mod foreign_files;
 mod golden;
