@@ -44,9 +44,9 @@ pub fn pcd(data: &[u8]) {
 pub fn text(data: &[u8]) {
     const NAMES: [&str; 6] =
         ["input.xyz", "input.xyzn", "input.csv", "input.pts", "input.txt", "input"];
-    // A line of names takes about ninety times its size, and is at most 1 MiB long.
+    // A line of names, at most 1 MiB long, takes up to 200 times its size where all names are empty.
     let longest = data.split(|&byte| byte == b'\n').map(<[u8]>::len).max().unwrap_or(0);
-    cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 100 * longest);
+    cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 250 * longest);
 }
 
 fn cloud(name: &str, data: &[u8], beside: usize) {

@@ -50,7 +50,9 @@ mod tests {
     #[test]
     fn exp_neg_is_exp() {
         let mut worst = 0.0f64;
-        for i in 0..=873_000 {
+        // Miri takes a thousand times longer.
+        let step = if cfg!(miri) { 997 } else { 1 };
+        for i in (0..=873_000).step_by(step) {
             let x = -(i as f32) * 1e-4;
             let want = f64::from(x).exp();
             worst = worst.max((f64::from(exp_neg(x)) - want).abs() / want);
