@@ -19,7 +19,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::method::{Describe, Timings};
 use cfreg::moments::{Described, FullConnection, naive};
 use cfreg::pose::{self, ScaleEstimate, Solver};
-use cfreg::quality::truth_error;
+use cfreg::quality::pose_error;
 use cfreg::weight::{Gaussian, Normalization, WeightScheme};
 use cfreg::{Descriptors, par};
 
@@ -143,7 +143,7 @@ fn skipping(n: usize) {
             let solution = pose::solve(moments, Solver::Arun, ScaleEstimate::Fixed).unwrap();
             solution.transform
         };
-        let turned = truth_error(&pose(&moments(1e-3)), &pose(&dense), [0.0; 3]).rotation_deg;
+        let turned = pose_error(&pose(&moments(1e-3)), &pose(&dense), [0.0; 3]).rotation_deg;
         let times = [0.0, 1e-3, 1e-6].map(|tolerance| {
             let off = (moments(tolerance).weight / dense.weight - 1.0).abs();
             assert!(off <= tolerance + 1e-6, "{normalization} {tolerance:e}: {off:e}");

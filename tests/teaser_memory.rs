@@ -5,7 +5,7 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::Teaser;
-use cfreg::quality::Doubt;
+use cfreg::quality::Warning;
 use cfreg::{PointCloud, Transform, math};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -32,7 +32,7 @@ fn ten_thousand_matches_take_less_than_a_gigabyte() {
         let found = teaser.register_matches(&source, &target, &pairs).unwrap();
         let turned = math::mat_sub(&found.transform.rotation, &truth.rotation);
         assert!(math::frobenius(&turned) < BOUND, "{turned:?}");
-        let unproved = |doubt: &Doubt| matches!(doubt, Doubt::CliqueNotProved { .. });
+        let unproved = |doubt: &Warning| matches!(doubt, Warning::CliqueNotProved { .. });
         assert!(found.trusted && !found.doubts.iter().any(unproved), "{:?}", found.doubts);
         println!("{share} wrong: {} inliers, {:?}", found.effective_connections, found.time_s);
     }

@@ -80,7 +80,7 @@ pub fn registration(data: &[u8]) {
         // A pose that is trusted was verified on the surfaces.
         assert!(!found.trusted || found.verdict.is_some(), "{context}: {:?}", found.doubts);
         if judged {
-            let verdict = Consensus::default().judge(&source, &target, &found.transform);
+            let verdict = Consensus::default().verify(&source, &target, &found.transform);
             if let Some(verdict) = heard(verdict, None) {
                 probable(&verdict, &context);
             }

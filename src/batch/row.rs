@@ -96,7 +96,7 @@ impl Row {
                 self.covariance = Some(triangle(&covariance.matrix));
                 self.information = covariance.information().as_ref().map(triangle);
                 self.center = Some(covariance.center);
-                self.undetermined = Some(covariance.undetermined.len());
+                self.undetermined = Some(covariance.unobservable.len());
             }
         }
         self.pose = Some(entries(transform));
@@ -105,7 +105,7 @@ impl Row {
         self.target_fitness = finite(evaluation.target_fitness);
         self.inlier_rmse = finite(evaluation.inlier_rmse);
         self.max_distance = finite(evaluation.max_distance);
-        self.agreement = finite(evaluation.agreement());
+        self.agreement = finite(evaluation.chance_corrected_fitness());
         self.source_points = Some(points.source.used);
         self.target_points = Some(points.target.used);
         self.iterations = Some(found.iterations as usize);

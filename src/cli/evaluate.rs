@@ -11,7 +11,7 @@ use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::io;
-use crate::quality::{self, Judgement, Verdict};
+use crate::quality::{self, EvaluationReport, Verdict};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -53,7 +53,7 @@ pub(super) struct Evaluate {
 #[derive(Serialize)]
 struct Answer {
     #[serde(flatten)]
-    judgement: Judgement,
+    judgement: EvaluationReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<Verdict>,
 }
@@ -71,7 +71,7 @@ impl Evaluate {
         let [source, target] =
             reading::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
         let judgement =
-            quality::judge(&source, &target, &transform, self.max_distance, truth.as_ref())?;
+            quality::evaluate_with_truth(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         let verdict = || {
             // The length follows its own way to thin: it wants the clouds as they are.
             let raw = Thinning { voxel: None, ..self.thinning };
@@ -80,7 +80,7 @@ impl Evaluate {
                 .voxel
                 .map(|_| reading::read_pair(files, &raw, self.viewpoints, self.keep_no_returns));
             let [source, target] = &raw.transpose()?.unwrap_or([source, target]);
-            judge.judge(source, target, &transform)
+            judge.verify(source, target, &transform)
         };
         let verdict = self.verdict.then(verdict).transpose()?;
         let decision = verdict.as_ref().map(|verdict| verdict.decision);
@@ -95,7 +95,7 @@ impl Evaluate {
     }
 }
 
-fn text(judgement: &Judgement) -> String {
+fn text(judgement: &EvaluationReport) -> String {
     let e = &judgement.evaluation;
     let mut lines = vec![
         format!(
@@ -104,8 +104,8 @@ fn text(judgement: &Judgement) -> String {
         ),
         format!("target fitness        {:.6} of the target points", e.target_fitness),
         format!("inlier RMSE           {:.6}", e.inlier_rmse),
-        format!("chance                {:.6} (fitness of wrong rotations)", e.chance),
-        format!("agreement             {:.6} (fitness beyond chance)", e.agreement()),
+        format!("chance                {:.6} (fitness of wrong rotations)", e.chance_fitness),
+        format!("agreement             {:.6} (fitness beyond chance)", e.chance_corrected_fitness()),
     ];
     if let Some(truth) = &judgement.truth {
         lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));

@@ -12,7 +12,7 @@ use crate::cloud::Viewpoints;
 use crate::error::{Error, Result};
 use crate::filter::Thinning;
 use crate::method::{Method, Register as _, Registration};
-use crate::quality::Doubt;
+use crate::quality::Warning;
 use crate::report::Pair;
 use crate::{io, par};
 
@@ -143,8 +143,8 @@ fn typed() -> String {
 /// What may help against a doubt, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
     let as_good =
-        |doubt: &Doubt| matches!(doubt, Doubt::Ambiguous { .. } | Doubt::Undetermined { .. });
-    let other_scale = |doubt: &Doubt| matches!(doubt, Doubt::OtherScale { .. });
+        |doubt: &Warning| matches!(doubt, Warning::Ambiguous { .. } | Warning::Unobservable { .. });
+    let other_scale = |doubt: &Warning| matches!(doubt, Warning::ScaleMismatch { .. });
     match &registration.config {
         Method::Consensus(_) if registration.doubts.iter().any(other_scale) => {
             "the source scaled (cfreg convert --transform, 4 by 4 numbers with the scale on the diagonal)"
@@ -183,7 +183,7 @@ pub(super) fn summary(registration: &Registration) -> String {
         r.evaluation.fitness,
         r.evaluation.target_fitness,
         r.evaluation.max_distance,
-        r.evaluation.agreement(),
+        r.evaluation.chance_corrected_fitness(),
         r.singular_values[0],
         r.singular_values[1],
         r.singular_values[2],

@@ -17,7 +17,7 @@ use crate::experiment::shape::boulder;
 use crate::experiment::{Model, Motion};
 use crate::io;
 use crate::method::{Register, Registration};
-use crate::quality::{TruthError, truth_error};
+use crate::quality::{PoseError, pose_error};
 
 #[derive(Args)]
 pub(super) struct Demo {
@@ -42,7 +42,7 @@ struct Known<'a> {
     #[serde(flatten)]
     registration: &'a Registration,
     truth: Transform,
-    error: TruthError,
+    error: PoseError,
 }
 
 impl Demo {
@@ -73,7 +73,7 @@ impl Demo {
             io::write_transform(folder.join("truth.txt"), &truth)?;
         }
         let registration = method.register(&source, &target)?;
-        let error = truth_error(&registration.transform, &truth, source.centroid());
+        let error = pose_error(&registration.transform, &truth, source.centroid());
         if self.json {
             print_json(&Known { registration: &registration, truth, error })?;
         } else {
@@ -145,7 +145,7 @@ impl Accuracy {
 }
 
 fn text(report: &Report) -> String {
-    let line = |name: &str, measure: fn(&TruthError) -> f64| {
+    let line = |name: &str, measure: fn(&PoseError) -> f64| {
         let (mean, deviation) = report.statistics(measure);
         format!("{name:<22}{mean:.4} +- {deviation:.4}\n")
     };

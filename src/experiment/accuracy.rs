@@ -6,7 +6,7 @@ use super::protocol::{Draw, Protocol, Viewpoint};
 use super::{Model, Motion, Spread};
 use crate::error::{Error, Result};
 use crate::method::Register;
-use crate::quality::TruthError;
+use crate::quality::PoseError;
 
 /// Settings of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -33,14 +33,14 @@ pub struct Report {
     /// The settings.
     pub settings: Settings,
     /// One error a trial, in order; `None` where there was no answer.
-    pub errors: Vec<Option<TruthError>>,
+    pub errors: Vec<Option<PoseError>>,
     /// Trials whose answer was not to be trusted.
     pub doubted: usize,
 }
 
 impl Report {
     /// Mean and standard deviation of `measure` over the trials that gave an answer.
-    pub fn statistics(&self, measure: impl Fn(&TruthError) -> f64) -> (f64, f64) {
+    pub fn statistics(&self, measure: impl Fn(&PoseError) -> f64) -> (f64, f64) {
         let values: Vec<f64> = self.errors.iter().flatten().map(measure).collect();
         Spread::of(&values).map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
     }

@@ -8,7 +8,7 @@ use super::{Model, Motion};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::quality::{TruthError, truth_error};
+use crate::quality::{PoseError, pose_error};
 
 /// Raised whenever a trial of the same settings comes out otherwise than before: results
 /// that are kept are not mixed with others then.
@@ -147,8 +147,8 @@ const MOST_OUTLIERS: usize = 10_000_000;
 
 impl Trial {
     /// How far `found` is from the truth.
-    pub fn error(&self, found: &Transform) -> TruthError {
-        truth_error(found, &self.truth, self.source.centroid())
+    pub fn error(&self, found: &Transform) -> PoseError {
+        pose_error(found, &self.truth, self.source.centroid())
     }
 
     /// The paper's average shift (section IV-B, after Tsin and Kanade): mean distance

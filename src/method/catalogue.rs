@@ -137,8 +137,8 @@ impl Method {
             // Its verdict looks closer.
             Method::Consensus(_) => f64::NEG_INFINITY,
             Method::Dare(_) => dare::MIN_AGREEMENT,
-            method if method.as_refinement().is_some() => quality::MIN_AGREEMENT_BY_POSITION,
-            _ => quality::MIN_AGREEMENT,
+            method if method.as_refinement().is_some() => quality::MIN_CHANCE_CORRECTED_FITNESS_LOCAL,
+            _ => quality::MIN_CHANCE_CORRECTED_FITNESS,
         }
     }
 

@@ -12,7 +12,7 @@ use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{Doubt, MIN_KEYPOINTS};
+use crate::quality::{Warning, MIN_KEYPOINTS};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
@@ -199,7 +199,7 @@ impl Cf {
         let points = PointCounts { source: source_side.counts(), target: target_side.counts() };
         let fewest = points.source.described.min(points.target.described);
         let few = detector.is_some() && fewest < MIN_KEYPOINTS;
-        let doubt = Doubt::FewKeypoints { found: fewest, needed: MIN_KEYPOINTS };
+        let doubt = Warning::FewKeypoints { found: fewest, needed: MIN_KEYPOINTS };
         let found = Found {
             transform: solution.transform,
             moments,

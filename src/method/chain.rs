@@ -8,7 +8,7 @@ use super::{Cached, Consensus, Icp, Method, Register, Registration, start};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
-use crate::quality::Doubt;
+use crate::quality::Warning;
 
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.
@@ -177,7 +177,7 @@ impl Chain {
         par::with_threads(consensus.threads, || {
             let mut times = Timings::default();
             let search = consensus.search(source, target, &mut times)?;
-            let begun = search.registration(times)?;
+            let begun = search.to_registration(times)?;
             let [source, target] = search.clouds();
             let mut found = self.refined(begun, source, target)?;
             if found.verdict.is_some() {
@@ -208,7 +208,7 @@ impl Chain {
                     found = refined;
                 }
                 Err(Error::NoWeight { .. } | Error::Degenerate { .. }) => {
-                    found.doubts.push(Doubt::NotRefined);
+                    found.doubts.push(Warning::NotRefined);
                     found.trusted = false;
                     break;
                 }
@@ -233,11 +233,11 @@ impl Chain {
             return Ok(found);
         };
         let pose = found.transform;
-        let judged = found.time_s.time("verdict", || judge.judge_cached(source, target, &pose));
+        let judged = found.time_s.time("verdict", || judge.verify_cached(source, target, &pose));
         match judged {
             Ok(verdict) => Ok(found.verified_by(verdict, &judge)),
             Err(Error::TooFewPoints { .. } | Error::Degenerate { .. } | Error::NoWeight { .. }) => {
-                found.doubts.push(Doubt::NotVerified);
+                found.doubts.push(Warning::NotVerified);
                 found.trusted = false;
                 Ok(found)
             }

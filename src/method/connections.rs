@@ -98,7 +98,7 @@ impl Method {
             Method::Cfk(Cfk { keypoints, connection }) => {
                 connection.connections(source, target, pose, Some(keypoints)).map(Some)
             }
-            Method::Consensus(consensus) => consensus.connections(source, target, pose).map(Some),
+            Method::Consensus(consensus) => consensus.weight_graph(source, target, pose).map(Some),
             Method::Teaser(teaser) => teaser.connections(source, target, pose).map(Some),
             Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => Ok(None),
         }

@@ -33,7 +33,7 @@ pub use cfk::Cfk;
 pub use chain::Chain;
 pub use channels::Channel;
 pub use connections::{Connections, Link, Matrix};
-pub use consensus::{Consensus, Judged};
+pub use consensus::{Consensus, ScoredPose};
 pub use cpd::Cpd;
 pub use dare::Dare;
 pub use icp::{Icp, Metric};

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
 use crate::par;
-use crate::quality::{self, Doubt, Evaluation, Verdict};
+use crate::quality::{self, Warning, Evaluation, Verdict};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
@@ -29,7 +29,7 @@ pub struct Registration {
     /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
     /// `message`, too.
     #[serde(serialize_with = "told")]
-    pub doubts: Vec<Doubt>,
+    pub doubts: Vec<Warning>,
     /// Whether to take the pose, with its probability, for methods that can tell and refinements
     /// that stay with their pose; what is not to be taken is in `doubts` too.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,7 +91,7 @@ pub(super) struct Found {
     /// With defaults filled in.
     pub(super) config: Method,
     /// Grounds that the method itself has; those of every pose are added.
-    pub(super) doubts: Vec<Doubt>,
+    pub(super) doubts: Vec<Warning>,
 }
 
 impl Registration {
@@ -103,22 +103,22 @@ impl Registration {
         let Found { transform, moments, singular_values, mut times, mut doubts, .. } = found;
         let evaluation = times.time("evaluate", || {
             let [from, onto] = par::both([source, target], |side| side.resolution())?;
-            let distance = quality::distance_of_resolutions(from, onto, transform.scale);
+            let distance = quality::default_distance_from_resolutions(from, onto, transform.scale);
             quality::evaluate(source.cloud, target.cloud, &transform, distance)
         })?;
         if found.stop == StopReason::IterationLimit {
-            doubts.push(Doubt::NotConverged { iterations: found.iterations });
+            doubts.push(Warning::NotConverged { iterations: found.iterations });
         }
         let needed = found.config.least_agreement();
-        let (chance, most) = (evaluation.chance, quality::MAX_CHANCE);
+        let (chance, most) = (evaluation.chance_fitness, quality::MAX_CHANCE_FITNESS);
         if found.config.rests_on_agreement() && chance > most {
-            doubts.push(Doubt::HighChance { found: chance, most });
+            doubts.push(Warning::HighChanceFitness { found: chance, most });
         }
-        doubts.extend(quality::doubts(&evaluation, singular_values, needed));
-        let low = doubts.iter().any(|doubt| matches!(doubt, Doubt::LowAgreement { .. }));
+        doubts.extend(quality::find_warnings(&evaluation, singular_values, needed));
+        let low = doubts.iter().any(|doubt| matches!(doubt, Warning::LowFitness { .. }));
         let by_origin = |counts: &Counts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
         if low && (by_origin(&found.points.source) || by_origin(&found.points.target)) {
-            doubts.push(Doubt::NoViewpoint);
+            doubts.push(Warning::NoViewpoint);
         }
         Ok(Registration {
             transform,
@@ -157,10 +157,10 @@ impl Registration {
     /// closer than agreement and chance and replaces them as grounds for doubt.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {
         self.doubts.retain(|doubt| {
-            !matches!(doubt, Doubt::LowAgreement { .. } | Doubt::HighChance { .. })
+            !matches!(doubt, Warning::LowFitness { .. } | Warning::HighChanceFitness { .. })
         });
         // First, as it looks closest.
-        self.doubts.splice(0..0, Doubt::of_verdict(&verdict));
+        self.doubts.splice(0..0, Warning::from_verdict(&verdict));
         self.trusted = self.doubts.is_empty();
         Registration { verdict: Some(verdict), ..self }
     }
@@ -168,24 +168,24 @@ impl Registration {
     /// The same with a verdict that `judge` gave. Where wrong rotations fit as well, and neither
     /// channels nor a prior tell them apart, the pose is ambiguous.
     pub(super) fn verified_by(self, verdict: Verdict, judge: &Consensus) -> Self {
-        let found = self.evaluation.chance;
-        let most = quality::MAX_CHANCE_VERIFIED;
+        let found = self.evaluation.chance_fitness;
+        let most = quality::MAX_CHANCE_FITNESS_VERIFIED;
         if found <= most || !judge.channels.is_empty() || !judge.prior.is_none() {
             return self.with_verdict(verdict);
         }
-        let mut judged = self.with_verdict(verdict.with_high_chance(found));
-        judged.doubts.push(Doubt::HighChance { found, most });
+        let mut judged = self.with_verdict(verdict.with_high_chance_fitness(found));
+        judged.doubts.push(Warning::HighChanceFitness { found, most });
         judged.trusted = false;
         judged
     }
 }
 
 /// Doubts, each with what it says.
-fn told<S: Serializer>(doubts: &[Doubt], serializer: S) -> std::result::Result<S::Ok, S::Error> {
+fn told<S: Serializer>(doubts: &[Warning], serializer: S) -> std::result::Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct Told<'a> {
         #[serde(flatten)]
-        doubt: &'a Doubt,
+        doubt: &'a Warning,
         message: String,
     }
     serializer.collect_seq(doubts.iter().map(|doubt| Told { doubt, message: doubt.to_string() }))

@@ -37,7 +37,7 @@ pub(super) fn refine_bounded(
     initial: &Transform,
 ) -> Result<Registration> {
     let [from, onto] =
-        par::both([source, target], |end| filter::voxel_side(end.cloud, super::consensus::POINTS))?;
+        par::both([source, target], |end| filter::voxel_side(end.cloud, super::consensus::DOWNSAMPLED_POINTS))?;
     let shortest = MAX_PAIR * (from * initial.scale).max(onto);
     let few = [source, target].iter().any(|end| end.cloud.len() < 3);
     if few || !(shortest > 0.0 && shortest < LONGEST) {

@@ -179,7 +179,7 @@ pub(super) fn evaluate(
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
     let judgement =
-        released(py, || quality::judge(source, target, &transform, max_distance, truth.as_ref()))?;
+        released(py, || quality::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref()))?;
     to_json(&judgement)
 }
 
@@ -199,7 +199,7 @@ pub(super) fn judge(
     let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    to_json(&released(py, || judge.judge(source, target, &transform))?)
+    to_json(&released(py, || judge.verify(source, target, &transform))?)
 }
 
 /// The vector, in radians, of the rotation that is nearest to a matrix (3, 3), and how far the matrix

@@ -19,21 +19,21 @@ use crate::par;
 
 /// A source point that lies on the target's surface under the pose.
 #[derive(Debug, Clone, Copy)]
-pub struct Contact {
+pub struct SurfacePair {
     /// Weight of the pair, above 0.
     pub weight: f64,
     /// The moved source point.
-    pub place: Vec3,
+    pub point: Vec3,
     /// The moved source point minus its target point.
-    pub offset: Vec3,
+    pub residual: Vec3,
     /// Unit normals of the moved source point, and of its target point; of either sign.
     pub normals: [Vec3; 2],
 }
 
-impl Contact {
+impl SurfacePair {
     /// Unit mean of both normals, as the target's points: along it the distance of two curved
     /// surfaces is free of their curvature (Rusinkiewicz 2019).
-    pub fn normal(&self) -> Vec3 {
+    pub fn mean_normal(&self) -> Vec3 {
         let [own, other] = self.normals;
         let sign = if math::dot(own, other) < 0.0 { -1.0 } else { 1.0 };
         math::normalized(math::add(math::scaled(own, sign), other))
@@ -42,7 +42,7 @@ impl Contact {
 
 /// A small motion: a turn about the [`center`](PoseCovariance::center), and a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Motion {
+pub struct Twist {
     /// Rotation vector, radians.
     pub rotation: Vec3,
     /// In the target's unit.
@@ -66,24 +66,24 @@ pub struct PoseCovariance {
     /// Motions along which the surfaces slide on each other, |ω|² + |τ|²/r² = 1 with r the root
     /// mean square distance of the points from the center. The matrix has the variance 1 (and r²)
     /// along them, in place of infinity.
-    pub undetermined: Vec<Motion>,
+    pub unobservable: Vec<Twist>,
 }
 
 /// Pairs below which nothing is said.
-const LEAST: usize = 10;
+const MIN_PAIRS: usize = 10;
 /// Side of the cubes within which errors are taken to go together, in spacings.
-const TOGETHER: f64 = 8.0;
+const CORRELATION_LENGTH: f64 = 8.0;
 /// Share of the curvature along a motion that normals of both surfaces must agree on: the rest
 /// is their noise, which holds nothing.
-const AGREED: f64 = 0.5;
+const NORMAL_AGREEMENT: f64 = 0.5;
 /// Motion by which the answer of the pairs is measured, in spacings, and points for it.
-const STEP: f64 = 0.2;
-const PROBES: usize = 1000;
+const DIFFERENCE_STEP: f64 = 0.2;
+const MAX_DIFFERENCE_POINTS: usize = 1000;
 /// What a sampled surface is not known better than, in spacings: where there is no noise at all,
 /// the errors left are of the two samplings and no residual shows them. So a slope is not known
 /// better than this either, and what moves points along their surface but for such slopes holds
 /// nothing: in clouds that are flat, or copies of each other, both normals are wrong alike.
-const FLOOR: f64 = 0.004;
+const SAMPLING_STD: f64 = 0.004;
 
 impl PoseCovariance {
     /// Of a `pose` at rest on two surfaces.
@@ -93,48 +93,48 @@ impl PoseCovariance {
     /// `spacing` is that of the points.
     ///
     /// `None` for fewer than ten contacts and for those in one place.
-    pub fn of(
-        contacts: impl Fn(&Transform, usize) -> Vec<Contact> + Sync,
+    pub fn estimate(
+        contacts: impl Fn(&Transform, usize) -> Vec<SurfacePair> + Sync,
         pose: &Transform,
         origin: Vec3,
         spacing: f64,
     ) -> Option<PoseCovariance> {
         let all = contacts(pose, usize::MAX);
-        let frame = Frame::of(&all)?;
+        let frame = NormalizedFrame::from_pairs(&all)?;
         let mut curvature = [[0.0; 6]; 6];
         let mut agreed = [[0.0; 6]; 6];
-        let mut cubes: BTreeMap<[i64; 3], Cube> = BTreeMap::new();
+        let mut cubes: BTreeMap<[i64; 3], CorrelationCell> = BTreeMap::new();
         for contact in &all {
-            let normal = contact.normal();
+            let normal = contact.mean_normal();
             let side = |n: Vec3| if math::dot(n, normal) < 0.0 { math::scaled(n, -1.0) } else { n };
-            let row = frame.row(contact, normal);
-            let [own, other] = contact.normals.map(|n| frame.row(contact, side(n)));
-            let cube = contact.place.map(|x| (x / (TOGETHER * spacing)).floor() as i64);
+            let row = frame.jacobian_row(contact, normal);
+            let [own, other] = contact.normals.map(|n| frame.jacobian_row(contact, side(n)));
+            let cube = contact.point.map(|x| (x / (CORRELATION_LENGTH * spacing)).floor() as i64);
             let cube = cubes.entry(cube).or_default();
             cube.weight += contact.weight;
             for i in 0..6 {
-                cube.pull[i] += frame.off(contact) * row[i];
+                cube.gradient[i] += frame.weighted_residual(contact) * row[i];
                 for j in 0..6 {
                     curvature[i][j] += contact.weight * row[i] * row[j];
                     agreed[i][j] += 0.5 * contact.weight * (own[i] * other[j] + other[i] * own[j]);
                 }
             }
         }
-        let (values, motions) = eigen(&curvature)?;
+        let (values, motions) = symmetric_eigen(&curvature)?;
         let along = |k: usize, v: &Vec6| (0..6).map(|i| motions[k][i] * v[i]).sum::<f64>();
         let mut scatter = [[0.0; 6]; 6];
-        let fitted = Cube::fitted(cubes.values());
+        let fitted = CorrelationCell::degrees_of_freedom_correction(cubes.values());
         for cube in cubes.values() {
-            let pull: Vec6 = std::array::from_fn(|k| along(k, &cube.pull));
+            let pull: Vec6 = std::array::from_fn(|k| along(k, &cube.gradient));
             (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += fitted * pull[i] * pull[j]));
         }
-        let answer = frame.answer(&contacts, pose, &motions, STEP * spacing);
+        let answer = frame.finite_difference_hessian(&contacts, pose, &motions, DIFFERENCE_STEP * spacing);
         let known = spacing / frame.radius;
-        let slope = |k: usize| (values[k] / frame.moved(&all, &motions[k])).sqrt();
+        let slope = |k: usize| (values[k] / frame.squared_displacement(&all, &motions[k])).sqrt();
         let holds = |&k: &usize| {
             let agreed = along(k, &agreed.map(|row| along(k, &row)));
-            agreed > AGREED * values[k]
-                && slope(k) > FLOOR
+            agreed > NORMAL_AGREEMENT * values[k]
+                && slope(k) > SAMPLING_STD
                 && answer[k][k] > 0.0
                 && scatter[k][k].sqrt() < known * answer[k][k]
         };
@@ -148,7 +148,7 @@ impl PoseCovariance {
         (0..6).for_each(|k| own[k][k] = 1.0);
         for (i, &k) in held.iter().enumerate() {
             for (j, &l) in held.iter().enumerate() {
-                own[k][l] = spread[(i, j)] + if k == l { (FLOOR * known).powi(2) } else { 0.0 };
+                own[k][l] = spread[(i, j)] + if k == l { (SAMPLING_STD * known).powi(2) } else { 0.0 };
             }
         }
         let unit = |i: usize| if i < 3 { 1.0 } else { frame.radius };
@@ -164,7 +164,7 @@ impl PoseCovariance {
         Some(PoseCovariance {
             matrix,
             center: math::add(frame.center, origin),
-            undetermined: (0..6).filter(|k| !holds(k)).map(|k| frame.motion(&motions[k])).collect(),
+            unobservable: (0..6).filter(|k| !holds(k)).map(|k| frame.twist(&motions[k])).collect(),
         })
     }
 
@@ -181,7 +181,7 @@ impl PoseCovariance {
         // Along such a motion v, which does not go together with others, the matrix is v vᵀ: its
         // inverse has u uᵀ with u the inverse times v.
         let full = information;
-        for Motion { rotation: [a, b, c], translation: [x, y, z] } in &self.undetermined {
+        for Twist { rotation: [a, b, c], translation: [x, y, z] } in &self.unobservable {
             let motion = [a, b, c, x, y, z];
             let along = full.map(|row| row.iter().zip(motion).map(|(i, v)| i * v).sum::<f64>());
             for i in 0..6 {
@@ -209,16 +209,16 @@ impl PoseCovariance {
 
 /// Contacts whose errors are taken to go together.
 #[derive(Default)]
-struct Cube {
+struct CorrelationCell {
     weight: f64,
-    pull: Vec6,
+    gradient: Vec6,
 }
 
-impl Cube {
+impl CorrelationCell {
     /// What the scatter of so many cubes is too small by, six unknowns having been fitted to
     /// them: n / (n − 6), at most 2, for n as many cubes of one weight.
-    fn fitted<'a>(cubes: impl Iterator<Item = &'a Cube>) -> f64 {
-        let sums = |(sum, squares): (f64, f64), cube: &Cube| {
+    fn degrees_of_freedom_correction<'a>(cubes: impl Iterator<Item = &'a CorrelationCell>) -> f64 {
+        let sums = |(sum, squares): (f64, f64), cube: &CorrelationCell| {
             (sum + cube.weight, squares + cube.weight * cube.weight)
         };
         let (sum, squares) = cubes.fold((0.0, 0.0), sums);
@@ -228,77 +228,77 @@ impl Cube {
 }
 
 /// Where motions are taken about, and the length in which turns and shifts weigh alike.
-struct Frame {
+struct NormalizedFrame {
     center: Vec3,
     radius: f64,
     /// Of all contacts.
     weight: f64,
 }
 
-impl Frame {
-    fn of(contacts: &[Contact]) -> Option<Frame> {
+impl NormalizedFrame {
+    fn from_pairs(contacts: &[SurfacePair]) -> Option<NormalizedFrame> {
         let weight: f64 = contacts.iter().map(|contact| contact.weight).sum();
-        if contacts.len() < LEAST || weight.is_nan() || weight <= 0.0 {
+        if contacts.len() < MIN_PAIRS || weight.is_nan() || weight <= 0.0 {
             return None;
         }
-        let part = |contact: &Contact| contact.weight / weight;
+        let part = |contact: &SurfacePair| contact.weight / weight;
         let center =
-            contacts.iter().fold([0.0; 3], |sum, c| math::add(sum, math::scaled(c.place, part(c))));
-        let square = |contact: &Contact| {
-            let arm = math::sub(contact.place, center);
+            contacts.iter().fold([0.0; 3], |sum, c| math::add(sum, math::scaled(c.point, part(c))));
+        let square = |contact: &SurfacePair| {
+            let arm = math::sub(contact.point, center);
             part(contact) * math::dot(arm, arm)
         };
         let radius = contacts.iter().map(square).sum::<f64>().sqrt();
-        (radius > 0.0).then_some(Frame { center, radius, weight })
+        (radius > 0.0).then_some(NormalizedFrame { center, radius, weight })
     }
 
     /// How the distance along `normal` grows with a motion, in radii.
-    fn row(&self, contact: &Contact, normal: Vec3) -> Vec6 {
-        let arm = math::scaled(math::sub(contact.place, self.center), 1.0 / self.radius);
+    fn jacobian_row(&self, contact: &SurfacePair, normal: Vec3) -> Vec6 {
+        let arm = math::scaled(math::sub(contact.point, self.center), 1.0 / self.radius);
         let [a, b, c] = math::cross(arm, normal);
         let [x, y, z] = normal;
         [a, b, c, x, y, z]
     }
 
     /// Weighted distance along the normal, in radii.
-    fn off(&self, contact: &Contact) -> f64 {
-        contact.weight * math::dot(contact.normal(), contact.offset) / self.radius
+    fn weighted_residual(&self, contact: &SurfacePair) -> f64 {
+        contact.weight * math::dot(contact.mean_normal(), contact.residual) / self.radius
     }
 
     /// Sum of the squares by which a motion moves the contacts, in radii.
-    fn moved(&self, contacts: &[Contact], &[a, b, c, x, y, z]: &Vec6) -> f64 {
-        let square = |contact: &Contact| {
-            let arm = math::scaled(math::sub(contact.place, self.center), 1.0 / self.radius);
+    fn squared_displacement(&self, contacts: &[SurfacePair], &[a, b, c, x, y, z]: &Vec6) -> f64 {
+        let square = |contact: &SurfacePair| {
+            let arm = math::scaled(math::sub(contact.point, self.center), 1.0 / self.radius);
             let way = math::add(math::cross([a, b, c], arm), [x, y, z]);
             contact.weight * math::dot(way, way)
         };
         contacts.iter().map(square).sum()
     }
 
-    fn motion(&self, &[a, b, c, x, y, z]: &Vec6) -> Motion {
-        Motion { rotation: [a, b, c], translation: math::scaled([x, y, z], self.radius) }
+    fn twist(&self, &[a, b, c, x, y, z]: &Vec6) -> Twist {
+        Twist { rotation: [a, b, c], translation: math::scaled([x, y, z], self.radius) }
     }
 
     /// Change of the pull along each of `motions` (rows) by a step along each (columns), the
     /// pairs found again.
-    fn answer(
+    fn finite_difference_hessian(
         &self,
-        contacts: &(impl Fn(&Transform, usize) -> Vec<Contact> + Sync),
+        contacts: &(impl Fn(&Transform, usize) -> Vec<SurfacePair> + Sync),
         pose: &Transform,
         motions: &[Vec6; 6],
         length: f64,
     ) -> Mat6 {
         let step = length / self.radius;
         let pull = |motion: Vec6| -> Vec6 {
-            let Motion { rotation, translation } = self.motion(&motion);
+            let Twist { rotation, translation } = self.twist(&motion);
             let turn = Transform::from_rotation_vector(rotation);
             let center = math::add(self.center, translation);
             let shift = math::sub(center, turn.rotate(self.center));
             let moved = Transform { translation: shift, ..turn }.after(pose);
             let mut sum = [0.0; 6];
-            for contact in contacts(&moved, PROBES) {
-                let row = self.row(&contact, contact.normal());
-                let off = self.off(&contact);
+            for contact in contacts(&moved, MAX_DIFFERENCE_POINTS) {
+                let row = self.jacobian_row(&contact, contact.mean_normal());
+                let off = self.weighted_residual(&contact);
                 (0..6).for_each(|i| sum[i] += off * row[i]);
             }
             motions.map(|motion| (0..6).map(|i| motion[i] * sum[i]).sum())
@@ -311,7 +311,7 @@ impl Frame {
                 pull(motions[k / 2].map(|x| sign * x))
             },
         );
-        let probed: f64 = contacts(pose, PROBES).iter().map(|contact| contact.weight).sum();
+        let probed: f64 = contacts(pose, MAX_DIFFERENCE_POINTS).iter().map(|contact| contact.weight).sum();
         let share = probed / self.weight;
         std::array::from_fn(|k| {
             std::array::from_fn(|l| (steps[2 * l][k] - steps[2 * l + 1][k]) / (2.0 * step * share))
@@ -320,7 +320,7 @@ impl Frame {
 }
 
 /// Eigenvalues, ascending, and unit eigenvectors as rows.
-fn eigen(matrix: &Mat6) -> Option<(Vec6, [Vec6; 6])> {
+fn symmetric_eigen(matrix: &Mat6) -> Option<(Vec6, [Vec6; 6])> {
     let matrix = faer::Mat::from_fn(6, 6, |i, j| matrix[i][j]);
     let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
     let values = std::array::from_fn(|k| eigen.S().column_vector()[k]);
@@ -351,12 +351,12 @@ mod tests {
                 }
             }
         }
-        let scaled = |v: Vec6| Motion {
+        let scaled = |v: Vec6| Twist {
             rotation: [v[0], v[1], v[2]],
             translation: [v[3] * radius, v[4] * radius, v[5] * radius],
         };
         let undetermined = slides.map(scaled).to_vec();
-        let known = PoseCovariance { matrix, center: [0.0; 3], undetermined };
+        let known = PoseCovariance { matrix, center: [0.0; 3], unobservable: undetermined };
         let information = known.information().unwrap();
         let times = |a: &Mat6, v: &Vec6| a.map(|row| row.iter().zip(v).map(|(a, v)| a * v).sum());
         for v in slides {
@@ -369,7 +369,7 @@ mod tests {
             let back: Vec6 = times(&matrix, &times(&information, &v));
             assert!(back.iter().zip(v).all(|(a, b)| (a - b).abs() < 1e-6), "{back:?} {v:?}");
         }
-        let full = PoseCovariance { undetermined: Vec::new(), ..known };
+        let full = PoseCovariance { unobservable: Vec::new(), ..known };
         let one = times(&full.information().unwrap(), &times(&matrix, &held[0]));
         assert!(one.iter().zip(held[0]).all(|(a, b)| (a - b).abs() < 1e-6), "{one:?}");
     }

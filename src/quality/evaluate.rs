@@ -28,15 +28,15 @@ pub struct Evaluation {
     pub max_distance: f64,
     /// The fitness that a wrong rotation gets by chance: mean over the source turned by
     /// quarter turns about its own centre. High for dense, compact or symmetric clouds.
-    pub chance: f64,
+    pub chance_fitness: f64,
 }
 
 impl Evaluation {
     /// Fitness beyond chance, (fitness − chance)/(1 − chance), at most 1: comparable
     /// between clouds of different density and shape, where fitness alone is not. 0 when
     /// chance is 1.
-    pub fn agreement(&self) -> f64 {
-        if self.chance < 1.0 { (self.fitness - self.chance) / (1.0 - self.chance) } else { 0.0 }
+    pub fn chance_corrected_fitness(&self) -> f64 {
+        if self.chance_fitness < 1.0 { (self.fitness - self.chance_fitness) / (1.0 - self.chance_fitness) } else { 0.0 }
     }
 }
 
@@ -47,8 +47,8 @@ impl Serialize for Evaluation {
         fields.serialize_field("target_fitness", &self.target_fitness)?;
         fields.serialize_field("inlier_rmse", &self.inlier_rmse)?;
         fields.serialize_field("max_distance", &self.max_distance)?;
-        fields.serialize_field("chance", &self.chance)?;
-        fields.serialize_field("agreement", &self.agreement())?;
+        fields.serialize_field("chance", &self.chance_fitness)?;
+        fields.serialize_field("agreement", &self.chance_corrected_fitness())?;
         fields.end()
     }
 }
@@ -61,11 +61,11 @@ impl Serialize for Evaluation {
 /// Those of [`search::resolution`].
 pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
     let [source, target] = par::both([source, target], |cloud| search::resolution(cloud.points()))?;
-    Ok(distance_of_resolutions(source, target, scale))
+    Ok(default_distance_from_resolutions(source, target, scale))
 }
 
 /// The [`default_distance`] of clouds whose resolutions are known.
-pub(crate) fn distance_of_resolutions(source: f64, target: f64, scale: f64) -> f64 {
+pub(crate) fn default_distance_from_resolutions(source: f64, target: f64, scale: f64) -> f64 {
     DISTANCE_IN_RESOLUTIONS * (source * scale).max(target)
 }
 
@@ -108,16 +108,16 @@ pub fn evaluate(
         target_fitness: inliers(&back) as f64 / target.len() as f64,
         inlier_rmse: (sum / count as f64).sqrt(),
         max_distance,
-        chance: chance(&moved, &target_points, limit),
+        chance_fitness: chance_fitness(&moved, &target_points, limit),
     })
 }
 
 /// Most points that the chance level is measured on: a share is known to 0.01 from these.
-const CHANCE_POINTS: usize = 1000;
+const MAX_CHANCE_POINTS: usize = 1000;
 
 /// Mean fitness of `moved` after quarter turns about its centroid.
-fn chance(moved: &[[f32; 3]], target: &Closest, limit: f32) -> f64 {
-    let step = moved.len().div_ceil(CHANCE_POINTS);
+fn chance_fitness(moved: &[[f32; 3]], target: &Closest, limit: f32) -> f64 {
+    let step = moved.len().div_ceil(MAX_CHANCE_POINTS);
     let points: Vec<Vec3> = moved.iter().step_by(step).map(|p| p.map(f64::from)).collect();
     let n = points.len() as f64;
     let center = math::scaled(points.iter().fold([0.0; 3], |sum, &p| math::add(sum, p)), 1.0 / n);

@@ -2,19 +2,19 @@
 //! grounds for doubt.
 
 mod covariance;
-mod doubt;
+mod warning;
 mod evaluate;
-mod judge;
-mod truth;
+mod evaluation_report;
+mod pose_error;
 mod verdict;
 
-pub use covariance::{Contact, Motion, PoseCovariance};
-pub use doubt::{
-    Doubt, FLAT, MAX_CHANCE, MAX_CHANCE_VERIFIED, MIN_AGREEMENT, MIN_AGREEMENT_BY_POSITION,
-    MIN_KEYPOINTS, MIN_SINGULAR_VALUE, doubts,
+pub use covariance::{SurfacePair, Twist, PoseCovariance};
+pub use warning::{
+    Warning, MIN_THIRD_SINGULAR_VALUE, MAX_CHANCE_FITNESS, MAX_CHANCE_FITNESS_VERIFIED, MIN_CHANCE_CORRECTED_FITNESS, MIN_CHANCE_CORRECTED_FITNESS_LOCAL,
+    MIN_KEYPOINTS, MIN_SECOND_SINGULAR_VALUE, find_warnings,
 };
-pub(crate) use evaluate::distance_of_resolutions;
+pub(crate) use evaluate::default_distance_from_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
-pub use judge::{Judgement, judge};
-pub use truth::{TruthError, truth_error};
-pub use verdict::{ACCEPT, AMBIGUOUS, Decision, RunnerUp, Verdict, is_usable};
+pub use evaluation_report::{EvaluationReport, evaluate_with_truth};
+pub use pose_error::{PoseError, pose_error};
+pub use verdict::{MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, Decision, RunnerUp, Verdict, is_usable};

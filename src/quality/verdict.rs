@@ -9,10 +9,10 @@ use crate::cloud::Transform;
 use crate::error::{Error, Result};
 
 /// Probability from which on a pose is accepted.
-pub const ACCEPT: f64 = 0.7;
+pub const MIN_ACCEPTED_PROBABILITY: f64 = 0.7;
 /// Odds of another pose, relative to those of the answer, from which on the answer is
 /// ambiguous, if the other would be accepted were it the only one.
-pub const AMBIGUOUS: f64 = 0.03;
+pub const MIN_AMBIGUOUS_ODDS: f64 = 0.03;
 
 /// What to do with a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -111,14 +111,14 @@ impl Verdict {
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
         let alone = runner_up.map_or(0.0, |other| other.probability);
-        let [shared, other] = shares(probability, alone);
-        let rivals = alone >= ACCEPT && other >= AMBIGUOUS * shared;
+        let [shared, other] = exclusive_probabilities(probability, alone);
+        let rivals = alone >= MIN_ACCEPTED_PROBABILITY && other >= MIN_AMBIGUOUS_ODDS * shared;
         // Right where the rival is not: as good as never.
-        let beaten = alone >= ACCEPT && shared < AMBIGUOUS * other;
-        let slides = covariance.as_ref().is_some_and(|known| !known.undetermined.is_empty());
-        let decision = if probability.is_nan() || probability < ACCEPT || beaten {
+        let beaten = alone >= MIN_ACCEPTED_PROBABILITY && shared < MIN_AMBIGUOUS_ODDS * other;
+        let slides = covariance.as_ref().is_some_and(|known| !known.unobservable.is_empty());
+        let decision = if probability.is_nan() || probability < MIN_ACCEPTED_PROBABILITY || beaten {
             Decision::Reject
-        } else if rivals || slides || shared < ACCEPT {
+        } else if rivals || slides || shared < MIN_ACCEPTED_PROBABILITY {
             Decision::Ambiguous
         } else {
             Decision::Accept
@@ -132,7 +132,7 @@ impl Verdict {
     }
 
     /// The same of a pose that wrong rotations fit as well as: their fitness is `chance`.
-    pub(crate) fn with_high_chance(mut self, chance: f64) -> Verdict {
+    pub(crate) fn with_high_chance_fitness(mut self, chance: f64) -> Verdict {
         if self.decision == Decision::Accept {
             self.decision = Decision::Ambiguous;
         }
@@ -145,7 +145,7 @@ impl Verdict {
 
     /// The same of clouds of which the source scaled by `scale` would lie on the target with this
     /// `overlap`.
-    pub(crate) fn of_two_scales(mut self, scale: f64, overlap: f64) -> Verdict {
+    pub(crate) fn with_scale_mismatch(mut self, scale: f64, overlap: f64) -> Verdict {
         if self.decision == Decision::Accept {
             self.decision = Decision::Ambiguous;
         }
@@ -168,7 +168,7 @@ impl fmt::Display for Verdict {
 
 /// Probabilities of two poses of which one at most is right: that of each and not the other, given
 /// that not both are.
-fn shares(first: f64, second: f64) -> [f64; 2] {
+fn exclusive_probabilities(first: f64, second: f64) -> [f64; 2] {
     let alone = [first * (1.0 - second), second * (1.0 - first)];
     let all = alone[0] + alone[1] + (1.0 - first) * (1.0 - second);
     // Where both were certain, nothing tells which.
@@ -178,7 +178,7 @@ fn shares(first: f64, second: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::Motion;
+    use crate::quality::Twist;
 
     #[test]
     fn probabilities_decide() {
@@ -255,9 +255,9 @@ mod tests {
 
     #[test]
     fn a_pose_that_slides_is_not_accepted() {
-        let motion = Motion { rotation: [0.0; 3], translation: [1.0, 0.0, 0.0] };
+        let motion = Twist { rotation: [0.0; 3], translation: [1.0, 0.0, 0.0] };
         let known =
-            |undetermined| PoseCovariance { matrix: [[0.0; 6]; 6], center: [0.0; 3], undetermined };
+            |undetermined| PoseCovariance { matrix: [[0.0; 6]; 6], center: [0.0; 3], unobservable: undetermined };
         let decided = |known| Verdict::new(0.99, 0.5, Vec::new(), None, Some(known)).decision;
         assert_eq!(decided(known(Vec::new())), Decision::Accept);
         assert_eq!(decided(known(vec![motion])), Decision::Ambiguous);

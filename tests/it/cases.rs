@@ -40,7 +40,7 @@ fn registered(folder: &Path, line: &str, truth: &str) -> (Value, [f64; 2], Strin
     let pose: [[f64; 4]; 4] = serde_json::from_slice(&pose).unwrap();
     let pose = cfreg::Transform::from_matrix(pose).unwrap();
     let truth = io::read_transform(folder.join(truth)).unwrap();
-    let off = quality::truth_error(&pose, &truth, source.centroid());
+    let off = quality::pose_error(&pose, &truth, source.centroid());
     (answer, [off.rotation_deg, off.translation], said(&output))
 }
 

@@ -12,7 +12,7 @@ use cfreg::math::{self, Vec3};
 use cfreg::method::{Cfk, Describe, Method, Register, Registration, Timings};
 use cfreg::moments::FullConnection;
 use cfreg::normals::{self, Orientation};
-use cfreg::quality::{Doubt, MIN_KEYPOINTS};
+use cfreg::quality::{Warning, MIN_KEYPOINTS};
 use cfreg::search::{Neighborhood, Neighbors};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, par};
@@ -185,7 +185,7 @@ fn any_rotation_is_found_from_keypoints() {
         let source = cloud(3000, 1);
         let target = cloud(3000, 2).transformed(&truth).unwrap();
         let found = cfk(keypoints).register(&source, &target).unwrap();
-        let error = cfreg::quality::truth_error(&found.transform, &truth, source.centroid());
+        let error = cfreg::quality::pose_error(&found.transform, &truth, source.centroid());
         assert!(error.rotation_deg < bound, "{}: {error:?}", keypoints.name());
         let counts = [found.points.source, found.points.target];
         for (cloud, count) in [&source, &target].into_iter().zip(counts) {
@@ -230,7 +230,7 @@ fn too_few_keypoints_are_refused_and_few_are_doubted() {
     }
     for count in [3, MIN_KEYPOINTS - 1, MIN_KEYPOINTS] {
         let found = with_contrast(contrast_that_leaves(count, &source), &source).unwrap();
-        let doubt = Doubt::FewKeypoints { found: count, needed: MIN_KEYPOINTS };
+        let doubt = Warning::FewKeypoints { found: count, needed: MIN_KEYPOINTS };
         assert_eq!(found.points.source.keypoints, Some(count));
         assert_eq!(found.doubts.contains(&doubt), count < MIN_KEYPOINTS, "{:?}", found.doubts);
         assert!(count >= MIN_KEYPOINTS || !found.trusted);
@@ -333,7 +333,7 @@ fn real_scans_have_keypoints_that_register_them() {
             let cfk = Cfk { keypoints, ..Cfk::default() };
             assert_eq!(cfk.connection.describe, Describe::default());
             let found = cfk.register(&scan, &moved).unwrap();
-            let error = cfreg::quality::truth_error(&found.transform, &truth, scan.centroid());
+            let error = cfreg::quality::pose_error(&found.transform, &truth, scan.centroid());
             let what = format!("{file} {}: {error:?} {:?}", keypoints.name(), found.points);
             assert!(error.rotation_deg < 5.0, "{what}");
             assert!(found.points.source.keypoints > Some(100), "{what}");

@@ -39,7 +39,7 @@ fn cf(channels: &[&str]) -> Cf {
 
 fn off(cf: &Cf, source: &PointCloud, target: &PointCloud, truth: &Transform) -> f64 {
     let found = cf.register(source, target).unwrap();
-    quality::truth_error(&found.transform, truth, source.centroid()).rotation_deg
+    quality::pose_error(&found.transform, truth, source.centroid()).rotation_deg
 }
 
 #[test]

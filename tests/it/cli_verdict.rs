@@ -105,9 +105,9 @@ fn the_voxel_is_the_length_of_a_verdict() {
     let [source, target] =
         ["a.ply", "b.ply"].map(|name| io::read(folder.path().join(name)).unwrap());
     let judge = cfreg::method::Consensus { voxel: Some(0.1), ..Default::default() };
-    let verdict = judge.judge(&source, &target, &Transform::IDENTITY).unwrap();
+    let verdict = judge.verify(&source, &target, &Transform::IDENTITY).unwrap();
     assert_eq!(judged["verdict"]["probability"].as_f64().unwrap(), verdict.probability);
-    let other = cfreg::method::Consensus::default().judge(&source, &target, &Transform::IDENTITY);
+    let other = cfreg::method::Consensus::default().verify(&source, &target, &Transform::IDENTITY);
     assert_ne!(other.unwrap().probability, verdict.probability);
     // Fitness is that of thinned clouds, with a verdict and without.
     let plain = read("evaluate a.ply b.ply --transform t.txt --json --voxel 0.1");

@@ -7,7 +7,7 @@ use cfreg::experiment::benchmark::{self, Rule, Settings, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Registration};
-use cfreg::quality::{Decision, Doubt};
+use cfreg::quality::{Decision, Warning};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -299,7 +299,7 @@ fn clouds_that_differ_in_scale_have_no_rigid_pose() {
         let found = register(&grown, &target);
         assert!(
             !found.trusted
-                && found.doubts.iter().any(|doubt| matches!(doubt, Doubt::OtherScale { .. }))
+                && found.doubts.iter().any(|doubt| matches!(doubt, Warning::ScaleMismatch { .. }))
         );
         let verdict = found.verdict.unwrap();
         assert_eq!(verdict.decision, Decision::Ambiguous, "{scale}: {verdict}");
@@ -307,7 +307,7 @@ fn clouds_that_differ_in_scale_have_no_rigid_pose() {
         // Whoever says so, too; and the right one is right.
         let judge = |scale: f64| {
             let pose = truth.after(&Transform { scale, ..Transform::IDENTITY });
-            Consensus::default().judge(&grown, &target, &pose).unwrap().decision
+            Consensus::default().verify(&grown, &target, &pose).unwrap().decision
         };
         assert_ne!(judge(1.0), Decision::Accept);
         assert_eq!(judge(1.0 / scale), Decision::Accept);
@@ -318,7 +318,7 @@ fn clouds_that_differ_in_scale_have_no_rigid_pose() {
 fn any_pose_is_judged_whoever_found_it() {
     let (source, target, truth) = samples(2000);
     let judge = |source: &PointCloud, pose: &Transform| {
-        Consensus::default().judge(source, &target, pose).unwrap()
+        Consensus::default().verify(source, &target, pose).unwrap()
     };
     // Its own answer as it judges that itself.
     let found = register(&source, &target);

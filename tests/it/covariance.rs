@@ -69,7 +69,7 @@ fn errors_are_of_the_size_that_the_covariance_says() {
             let motion = anywhere(trial, 3.0);
             let clouds = pair(points.into_iter(), noise, &mut draw, &motion);
             let (pose, covariance) = covariance(&clouds);
-            assert!(covariance.undetermined.is_empty());
+            assert!(covariance.unobservable.is_empty());
             errors.push(covariance.nees(&pose, &motion.inverse()));
         }
         let mean = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -109,13 +109,13 @@ fn motions_that_nothing_holds_are_named() {
         let points: Vec<Vec3> = (0..10_000).map(|_| surface(&mut draw)).collect();
         let motion = anywhere(3, 3.0);
         let (_, covariance) = covariance(&pair(points.into_iter(), 0.01, &mut draw, &motion));
-        let found = &covariance.undetermined;
+        let found = &covariance.unobservable;
         assert_eq!(found.len(), loose, "{name}: {found:?}");
         // All in the target's frame, where these shapes stand upright.
         let size = |v: Vec3| math::norm(v);
         match name {
             "plane" => {
-                let along = |m: &cfreg::quality::Motion| {
+                let along = |m: &cfreg::quality::Twist| {
                     m.translation[2].abs() + size([m.rotation[0], m.rotation[1], 0.0])
                 };
                 assert!(found.iter().all(|motion| along(motion) < 0.1), "{found:?}");
@@ -125,7 +125,7 @@ fn motions_that_nothing_holds_are_named() {
             }
             "cylinder" | "corridor" => {
                 let across = |v: Vec3| size([v[0], v[1], 0.0]);
-                let off = |m: &cfreg::quality::Motion| across(m.translation) + across(m.rotation);
+                let off = |m: &cfreg::quality::Twist| across(m.translation) + across(m.rotation);
                 assert!(found.iter().all(|motion| off(motion) < 0.1), "{found:?}");
             }
             _ => unreachable!(),
@@ -195,13 +195,13 @@ fn what_is_free_is_told_of_flat_clouds_and_of_copies() {
             let motion = anywhere(4, 3.0);
             let [source, target] = pair(points.into_iter(), 0.0, &mut draw, &motion);
             // The true pose, whatever a search makes of such clouds.
-            let judged = Consensus::default().judge(&source, &target, &motion.inverse());
+            let judged = Consensus::default().verify(&source, &target, &motion.inverse());
             // All places of an exact plane, or of a line, may look alike: that is no verdict.
             let Ok(verdict) = judged else {
                 assert!(name == "plane" || name == "line", "{name}, copy {copy}: {judged:?}");
                 continue;
             };
-            let loose = verdict.covariance.as_ref().map(|known| known.undetermined.len());
+            let loose = verdict.covariance.as_ref().map(|known| known.unobservable.len());
             println!("{name}, copy {copy}: {:?}, {loose:?} of {free}", verdict.decision);
             // Curved samples that are copies hold each other by what their normals have in common.
             if name.contains("plane") || (!copy && name != "line") {

@@ -27,7 +27,7 @@ fn register(cpd: &Cpd, source: &PointCloud, target: &PointCloud) -> Registration
 }
 
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::truth_error(a, b, source.centroid());
+    let error = quality::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

@@ -7,7 +7,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
 use cfreg::pose::{Near, Prior};
-use cfreg::quality::Doubt;
+use cfreg::quality::Warning;
 use cfreg::{Error, PointCloud, Transform, math, quality};
 use common::compare::poses_differ_by;
 use common::golden;
@@ -80,7 +80,7 @@ fn register(dare: &Dare, source: &PointCloud, target: &PointCloud) -> Registrati
 
 /// Degrees, and the unit of the clouds.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::truth_error(a, b, source.centroid());
+    let error = quality::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 
@@ -262,7 +262,7 @@ fn wrong_optima_are_doubted() {
         let found = register(&dare(), &source, &target);
         let (angle, _) = apart(&found.transform, &truth, &source);
         let list = if angle > 20.0 { &mut wrong } else { &mut right };
-        list.push((found.evaluation.agreement(), found.trusted, angle));
+        list.push((found.evaluation.chance_corrected_fitness(), found.trusted, angle));
     }
     wrong.sort_by(|a, b| b.0.total_cmp(&a.0));
     right.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -278,7 +278,7 @@ fn running_out_of_iterations_is_doubted() {
     let (source, target, _) = pair([0.2, 0.3, -0.1], 1);
     let found = register(&Dare { max_iterations: 5, ..dare() }, &source, &target);
     assert_eq!((found.stop, found.iterations), (StopReason::IterationLimit, 5));
-    assert!(found.doubts.contains(&Doubt::NotConverged { iterations: 5 }) && !found.trusted);
+    assert!(found.doubts.contains(&Warning::NotConverged { iterations: 5 }) && !found.trusted);
 }
 
 #[test]

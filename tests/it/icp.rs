@@ -29,12 +29,12 @@ fn pair(size: f64) -> (PointCloud, PointCloud) {
 }
 
 fn angle(found: &Transform, want: &Transform) -> f64 {
-    quality::truth_error(found, want, [0.0; 3]).rotation_deg
+    quality::pose_error(found, want, [0.0; 3]).rotation_deg
 }
 
 /// Rotation in degrees and shift of the source's centre between two poses.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::truth_error(a, b, source.centroid());
+    let error = quality::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

@@ -6,7 +6,7 @@ use crate::common;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Mat3, Vec3};
 use cfreg::method::{KernelCorrelation, Refine, Register, Registration, Step, StopReason};
-use cfreg::quality::{Doubt, truth_error};
+use cfreg::quality::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform};
 use common::compare::poses_differ_by;
 use common::golden::read;
@@ -24,7 +24,7 @@ fn pair(points: usize, truth: &Transform) -> (PointCloud, PointCloud) {
 }
 
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> f64 {
-    truth_error(a, b, source.centroid()).rotation_deg
+    pose_error(a, b, source.centroid()).rotation_deg
 }
 
 /// J by the double loop, in f64.
@@ -207,9 +207,9 @@ fn a_last_level_that_does_not_settle_is_doubted() {
     let found = kc.register(&source, &target).unwrap();
     assert_eq!(found.stop, StopReason::IterationLimit);
     let iterations = found.iterations;
-    assert!(found.doubts.contains(&Doubt::NotConverged { iterations }), "{:?}", found.doubts);
+    assert!(found.doubts.contains(&Warning::NotConverged { iterations }), "{:?}", found.doubts);
     let found = KernelCorrelation::default().register(&source, &target).unwrap();
-    let settled = !found.doubts.iter().any(|doubt| matches!(doubt, Doubt::NotConverged { .. }));
+    let settled = !found.doubts.iter().any(|doubt| matches!(doubt, Warning::NotConverged { .. }));
     assert_eq!((found.stop, settled), (StopReason::ScheduleEnded, true));
 }
 
@@ -299,7 +299,7 @@ fn a_map_offset_does_not_matter() {
     let [a, b] = [&source, &target].map(|cloud| cloud.transformed(&far).unwrap());
     let initial = far.after(&start()).after(&far.inverse());
     let found = refined(&a, &b, &initial).transform;
-    let error = truth_error(&found, &far.after(&still).after(&far.inverse()), a.centroid());
+    let error = pose_error(&found, &far.after(&still).after(&far.inverse()), a.centroid());
     assert!(error.rotation_deg < 1e-4 && error.translation < 1e-6, "{error:?}");
 }
 
@@ -343,7 +343,7 @@ fn real_scans_are_refined_from_five_degrees_off() {
         let initial = center.after(&turn).after(&center.inverse()).after(&pair.truth);
         let kc = KernelCorrelation { sigma: Some(0.05 * size), ..Default::default() };
         let found = kc.refine(&pair.source, &pair.target, &initial).unwrap();
-        let error = truth_error(&found.transform, &pair.truth, pair.source.centroid());
+        let error = pose_error(&found.transform, &pair.truth, pair.source.centroid());
         println!(
             "{}: {:.2} deg, {:.4} of the size, {:?}",
             pair.name,

@@ -4,7 +4,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math;
 use cfreg::method::{Cf, Cfk, Chain, Method, Register};
 use cfreg::par::Interrupt;
-use cfreg::quality::truth_error;
+use cfreg::quality::pose_error;
 use cfreg::weight::{Composite, Gaussian, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform};
 
@@ -41,7 +41,7 @@ fn every_method_finds_a_small_motion() {
     let (source, target, truth) = pair(800, 0.12);
     for method in methods() {
         let found = method.register(&source, &target).unwrap();
-        let error = truth_error(&found.transform, &truth, source.centroid());
+        let error = pose_error(&found.transform, &truth, source.centroid());
         let name = method.name();
         // Right: within 10 degrees and 5 % of the size.
         let near = error.translation < 0.05 * source.diagonal();
@@ -132,7 +132,7 @@ fn methods_that_start_from_a_pose_say_when_they_end_in_a_wrong_one() {
         for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
             let method: Method = name.parse().unwrap();
             let Ok(found) = method.register(&source, &target) else { continue };
-            let error = truth_error(&found.transform, &truth, source.centroid()).rotation_deg;
+            let error = pose_error(&found.transform, &truth, source.centroid()).rotation_deg;
             assert!(error < 20.0 || !found.trusted, "{name} from {angle}: {error:.0} deg");
         }
     }
@@ -144,7 +144,7 @@ fn a_chain_refines_what_one_step_found() {
     for refinement in ["icp", "plane-icp", "gicp", "kc", "cpd"] {
         let chain = Chain::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
         let found = chain.register(&source, &target).unwrap();
-        let error = |pose| truth_error(pose, &truth, source.centroid()).rotation_deg;
+        let error = |pose| pose_error(pose, &truth, source.centroid()).rotation_deg;
         let before = found.refined_from.as_ref().unwrap();
         let (first, last) = (error(&before.transform), error(&found.transform));
         assert!(found.trusted && last < 1.0 && last < first, "{refinement}: {first} to {last}");

@@ -32,7 +32,7 @@ fn pose(source: &PointCloud, target: &PointCloud) -> Transform {
 
 /// Rotation (degrees) and shift at the source's centre between two poses.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::truth_error(a, b, source.centroid());
+    let error = quality::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

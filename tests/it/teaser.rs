@@ -4,7 +4,7 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Register, Registration, Teaser};
-use cfreg::quality::{Doubt, truth_error};
+use cfreg::quality::{Warning, pose_error};
 use cfreg::search::Neighborhood;
 use cfreg::{Error, PointCloud, Transform, math};
 use common::compare::poses_differ_by;
@@ -85,7 +85,7 @@ fn wrong_matches_alone_are_doubted() {
             let off = problem.off_by(&found.transform);
             assert!(off < BOUND || !found.trusted, "{wrong} of {count}: {off}");
             if wrong == count {
-                let few = |doubt: &Doubt| matches!(doubt, Doubt::FewInliers { .. });
+                let few = |doubt: &Warning| matches!(doubt, Warning::FewInliers { .. });
                 assert!(found.doubts.iter().any(few), "{count}: {:?}", found.doubts);
             }
         }
@@ -200,7 +200,7 @@ fn any_rotation_is_found_from_descriptors() {
             Transform { translation: [3.0, -1.0, 2.0], ..Transform::from_rotation_vector(vector) };
         let (source, target) = described(&motion);
         let found = by_descriptor().register(&source, &target).unwrap();
-        let error = truth_error(&found.transform, &motion, source.centroid());
+        let error = pose_error(&found.transform, &motion, source.centroid());
         assert!(error.rotation_deg < 10.0 && error.translation < 0.2, "{vector:?}: {error:?}");
         let stages = found.time_s.0.iter().map(|(stage, _)| *stage).collect::<Vec<_>>();
         let own = ["matches", "graph", "clique", "rotation", "evaluate"];
@@ -241,7 +241,7 @@ fn a_search_that_ends_early_says_so() {
     let problem = matched(400, 400, 1.0, 6);
     let teaser = Teaser { noise_bound: Some(0.15), clique_steps: 1, ..Teaser::default() };
     let found = problem.solve(&teaser);
-    let short = |doubt: &Doubt| matches!(doubt, Doubt::CliqueNotProved { found } if *found > 3);
+    let short = |doubt: &Warning| matches!(doubt, Warning::CliqueNotProved { found } if *found > 3);
     assert!(found.doubts.iter().any(short), "{:?}", found.doubts);
     assert_eq!(found.transform, problem.solve(&teaser).transform);
 }
@@ -251,7 +251,7 @@ fn too_few_iterations_are_doubted() {
     let problem = matched(200, 20, 1.0, 4);
     let teaser = Teaser { max_iterations: 1, noise_bound: Some(NOISE), ..Teaser::default() };
     let found = problem.solve(&teaser);
-    assert!(found.doubts.contains(&Doubt::NotConverged { iterations: 1 }), "{:?}", found.doubts);
+    assert!(found.doubts.contains(&Warning::NotConverged { iterations: 1 }), "{:?}", found.doubts);
 }
 
 #[test]
@@ -291,7 +291,7 @@ fn wrong_poses_of_real_scans_are_doubted() {
     let mut right = 0;
     for pair in &pairs {
         let found = Teaser::default().register(&pair.source, &pair.target).unwrap();
-        let error = truth_error(&found.transform, &pair.truth, pair.source.centroid());
+        let error = pose_error(&found.transform, &pair.truth, pair.source.centroid());
         assert!(error.rotation_deg < 20.0 || !found.trusted, "{}: {error:?}", pair.name);
         right += usize::from(error.rotation_deg < 10.0);
     }

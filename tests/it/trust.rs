@@ -5,7 +5,7 @@
 use crate::common;
 
 use cfreg::method::{Cf, Method, Register, Registration};
-use cfreg::quality::{MIN_AGREEMENT, truth_error};
+use cfreg::quality::{MIN_CHANCE_CORRECTED_FITNESS, pose_error};
 use cfreg::weight::Normalization;
 use cfreg::{Transform, math};
 use common::scans::RealPair;
@@ -32,12 +32,12 @@ fn wrong_poses_of_real_scans_are_doubted() {
         println!(
             "{} pairs of {points} points, two normalisations\n\
              off by more than {WRONG} deg: {}, {} of them trusted\n\
-             off by less than {RIGHT} deg: {}, {} of them at least {MIN_AGREEMENT}",
+             off by less than {RIGHT} deg: {}, {} of them at least {MIN_CHANCE_CORRECTED_FITNESS}",
             pairs.len(),
             spread(wrong),
             trusted_wrong.len(),
             spread(right),
-            right.iter().filter(|&&x| x >= MIN_AGREEMENT).count(),
+            right.iter().filter(|&&x| x >= MIN_CHANCE_CORRECTED_FITNESS).count(),
         );
         assert!(pairs.len() > 50 && wrong.len() > 30 && right.len() > 5);
         assert!(trusted_wrong.len() <= allowed, "{trusted_wrong:#?}");
@@ -87,8 +87,8 @@ struct Tally {
 impl Tally {
     fn add(&mut self, pair: &RealPair, found: &Registration, how: &str) {
         let center = pair.source.centroid();
-        let angle = truth_error(&found.transform, &pair.truth, center).rotation_deg;
-        let agreement = found.evaluation.agreement();
+        let angle = pose_error(&found.transform, &pair.truth, center).rotation_deg;
+        let agreement = found.evaluation.chance_corrected_fitness();
         if angle > WRONG {
             self.wrong.push(agreement);
             if found.trusted {

@@ -28,7 +28,7 @@ fn verdict(source: &PointCloud, target: &PointCloud) -> Verdict {
 
 /// On the right pose.
 fn judged(source: &PointCloud, target: &PointCloud, truth: &Transform) -> Verdict {
-    Consensus::default().judge(source, target, truth).unwrap()
+    Consensus::default().verify(source, target, truth).unwrap()
 }
 
 fn log_odds(verdict: &Verdict) -> f64 {

@@ -4,7 +4,7 @@
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Chain, Consensus, Icp, Method, Refine, Register};
-use cfreg::quality::{self, Decision, Doubt};
+use cfreg::quality::{self, Decision, Warning};
 use cfreg::{PointCloud, Transform, filter};
 
 fn chain(first: &str, refinements: &[&str]) -> Chain {
@@ -35,7 +35,7 @@ fn missing_returns_change_no_method() {
         let chain = chain(name, &[]);
         let plain = chain.register(&source, &target).unwrap();
         let found = chain.register(&marked[0], &marked[1]).unwrap();
-        let off = quality::truth_error(&found.transform, &plain.transform, source.centroid());
+        let off = quality::pose_error(&found.transform, &plain.transform, source.centroid());
         assert!(off.rotation_deg < 1e-3 && off.translation < 1e-4, "{name}: {off:?}");
         let counts = [found.points.source, found.points.target].map(|end| end.no_returns);
         assert_eq!(counts, [400, 300], "{name}");
@@ -57,9 +57,9 @@ fn points_that_come_in_tens_are_refined_as_if_they_came_once() {
         let chain = chain("consensus", &[refine]);
         let once = chain.register(&source, &target).unwrap();
         let found = chain.register(&often[0], &often[1]).unwrap();
-        let off = quality::truth_error(&found.transform, &once.transform, source.centroid());
+        let off = quality::pose_error(&found.transform, &once.transform, source.centroid());
         assert!(off.rotation_deg < 1e-2, "{refine}: {off:?}");
-        let off = quality::truth_error(&found.transform, &truth, source.centroid());
+        let off = quality::pose_error(&found.transform, &truth, source.centroid());
         assert!(off.rotation_deg < 1.0 && found.trusted, "{refine}: {off:?} {:?}", found.doubts);
     }
 }
@@ -92,7 +92,7 @@ fn overlapping() -> (PointCloud, PointCloud) {
 
 /// How far a pose is from the identity where the source is.
 fn shift(found: &Transform, source: &PointCloud) -> f64 {
-    quality::truth_error(found, &Transform::IDENTITY, source.centroid()).translation
+    quality::pose_error(found, &Transform::IDENTITY, source.centroid()).translation
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn icp_from_a_rough_pose_finds_its_way() {
         let rough = truth.after(&turn);
         let found =
             chain("icp", &[]).with_initial(rough).unwrap().register(&source, &target).unwrap();
-        let off = quality::truth_error(&found.transform, &truth, source.centroid());
+        let off = quality::pose_error(&found.transform, &truth, source.centroid());
         assert!(off.rotation_deg < 1.0, "from {angle}: {off:?}");
     }
 }
@@ -175,7 +175,7 @@ fn wrong_poses_of_small_clouds_are_not_trusted() {
     let (source, target) = (filter::sample(&ball(1), 300, 1), filter::sample(&ball(2), 300, 2));
     for name in ["cf", "cf-multiscale", "icp", "kc", "cpd", "dare"] {
         let plain = chain(name, &[]).register(&source, &target).unwrap();
-        let doubted = |doubt: &Doubt| matches!(doubt, Doubt::HighChance { .. });
+        let doubted = |doubt: &Warning| matches!(doubt, Warning::HighChanceFitness { .. });
         assert!(plain.doubts.iter().any(doubted), "{name}: {:?}", plain.evaluation);
         let judge = Consensus::default();
         let judged = chain(name, &[]).with_verdict(judge).register(&source, &target).unwrap();
@@ -197,7 +197,7 @@ fn a_ball_on_itself_is_not_accepted() {
         let chain = chain(name, &[]).with_verdict(Consensus::default());
         let found = chain.register(&ball, &ball).unwrap();
         let verdict = found.verdict.as_ref().unwrap();
-        assert!(found.evaluation.agreement() < 0.3, "{name}: {:?}", found.evaluation);
+        assert!(found.evaluation.chance_corrected_fitness() < 0.3, "{name}: {:?}", found.evaluation);
         assert_ne!(verdict.decision, Decision::Accept, "{name}: {verdict}");
         assert!(!found.trusted, "{name}");
     }
@@ -230,5 +230,5 @@ fn clouds_too_small_for_a_verdict_are_doubted() {
     let icp = chain("icp", &[]).with_verdict(Consensus::default());
     let found = icp.register(&cloud, &cloud).unwrap();
     assert!(!found.trusted);
-    assert!(found.verdict.is_some() || found.doubts.contains(&Doubt::NotVerified));
+    assert!(found.verdict.is_some() || found.doubts.contains(&Warning::NotVerified));
 }

@@ -57,7 +57,7 @@ pub fn write(
     let (mut clouds, mut written) = (Clouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {
         let posed = Posed::new(pair, number, settings, &mut clouds)?;
-        let judged = Consensus::default().candidates(&posed.moved, &posed.target);
+        let judged = Consensus::default().scored_poses(&posed.moved, &posed.target);
         for judged in judged.unwrap_or_default() {
             let found = judged.transform.after(&posed.motion);
             let right = pair.truth.as_ref().is_some_and(|truth| {
@@ -70,13 +70,13 @@ pub fn write(
                     source: pair.source.display().to_string(),
                     target: pair.target.display().to_string(),
                     overlap: judged.overlap,
-                    likeness: judged.likeness,
-                    support: judged.support,
-                    contradicted: judged.contradicted,
-                    votes: judged.votes,
-                    spread: judged.spread,
+                    likeness: judged.descriptor_distinctiveness,
+                    support: judged.inlier_score,
+                    contradicted: judged.free_space_violation,
+                    votes: judged.supporting_hypotheses,
+                    spread: judged.translation_std,
                     right,
-                    answer: judged.answer,
+                    answer: judged.is_best,
                 })
                 .map_err(failed)?;
             written += 1;

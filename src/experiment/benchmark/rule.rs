@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::quality::{TruthError, truth_error};
+use crate::quality::{PoseError, pose_error};
 
 /// Largest errors of a pose that counts as right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,13 +41,13 @@ impl Rule {
     /// Compares poses of `source`, as published lists of pairs count it: the translation is
     /// ‖t − t_gt‖ in the clouds' own frames. For [`Rule::Relative`] it is the distance of the
     /// source's centroids, since the zero of an object's frame means nothing.
-    pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> TruthError {
+    pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> PoseError {
         let about = if self == Rule::Relative { source.centroid() } else { [0.0; 3] };
-        truth_error(found, truth, about)
+        pose_error(found, truth, about)
     }
 
     /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
-    pub fn holds(self, error: TruthError, source: &PointCloud, unit: f64) -> bool {
+    pub fn holds(self, error: PoseError, source: &PointCloud, unit: f64) -> bool {
         let (degrees, length) = match self {
             Rule::Indoor => (15.0, 0.3 / unit),
             Rule::Outdoor => (5.0, 0.6 / unit),

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::experiment::Motion;
 use crate::experiment::figure::Panel;
 use crate::method::{Cf, Cfk, Method, Register};
-use crate::quality::{TruthError, truth_error};
+use crate::quality::{PoseError, pose_error};
 use crate::{filter, io};
 
 /// Points drawn from each scan (section V).
@@ -41,7 +41,7 @@ pub struct Outcome {
     /// Whether it says that the pose may be trusted.
     pub trusted: bool,
     /// How far off it is; the translation in the scans' unit, centimetres.
-    pub error: TruthError,
+    pub error: PoseError,
 }
 
 /// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three
@@ -67,7 +67,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
     let (source, truth) = (source.transformed(&motion)?, truth.after(&motion.inverse()));
     let outcome = |(name, method): (&'static str, Method)| {
         let found = method.register(&source, &target)?;
-        let error = truth_error(&found.transform, &truth, source.centroid());
+        let error = pose_error(&found.transform, &truth, source.centroid());
         let (transform, trusted) = (found.transform, found.trusted);
         Ok::<_, Error>(Outcome { method: name, transform, trusted, error })
     };

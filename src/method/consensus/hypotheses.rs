@@ -14,19 +14,19 @@ use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
 /// Most different distances of compatible matches, in lengths.
-const COMPATIBLE: f64 = 1.5;
+const MAX_LENGTH_DIFFERENCE: f64 = 1.5;
 /// Distance below which two matches tell nothing by their distance, in lengths.
-const APART: f32 = 2.0;
+const MIN_PAIR_LENGTH: f32 = 2.0;
 /// Others that a match is solved with first.
-const MATES: usize = 12;
+const SEED_NEIGHBORS: usize = 12;
 /// Matches that are solved before those that their poses explain are passed over.
-const AT_A_TIME: usize = 8;
+const SEED_BATCH: usize = 8;
 /// Bounds of the distances within which matches agree with a pose, step by step, in
 /// [`COMPATIBLE`] lengths.
-const BOUNDS: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
+const INLIER_SCHEDULE: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
 
 /// Matched points, each about its surface's origin.
-pub(super) struct Matches {
+pub(super) struct Correspondences {
     pub(super) source: Vec<[f32; 3]>,
     pub(super) target: Vec<[f32; 3]>,
     /// How much each match counts where poses are solved: its points' weights.
@@ -34,7 +34,7 @@ pub(super) struct Matches {
     /// The points of each, by their number on either surface.
     pub(super) pairs: Vec<(u32, u32)>,
     /// The length of both scans.
-    pub(super) length: f64,
+    pub(super) voxel_size: f64,
 }
 
 /// A pose in local frames, and the matches that agree with it.
@@ -42,21 +42,21 @@ pub(super) struct Matches {
 pub(super) struct Hypothesis {
     pub(super) pose: Transform,
     /// Σ 1 − r²/τ² over the matches with a residual r below τ.
-    pub(super) support: f64,
+    pub(super) inlier_score: f64,
 }
 
-impl Matches {
+impl Correspondences {
     fn len(&self) -> usize {
         self.source.len()
     }
 
     /// Distance within which the ends of a match agree with a pose.
-    pub(super) fn reach(&self) -> f64 {
-        COMPATIBLE * self.length
+    pub(super) fn inlier_distance(&self) -> f64 {
+        MAX_LENGTH_DIFFERENCE * self.voxel_size
     }
 
-    fn compatible(&self) -> Graph {
-        let (near, reach) = (APART * self.length as f32, self.reach() as f32);
+    fn compatibility_graph(&self) -> Graph {
+        let (near, reach) = (MIN_PAIR_LENGTH * self.voxel_size as f32, self.inlier_distance() as f32);
         Graph::new(self.len(), |i, j| {
             let a = math::norm(math::sub(self.source[i], self.source[j]));
             let b = math::norm(math::sub(self.target[i], self.target[j]));
@@ -71,13 +71,13 @@ impl Matches {
     }
 
     /// Matches that agree with `pose` ([`Hypothesis::support`]).
-    pub(super) fn support(&self, pose: &Transform) -> f64 {
-        self.agreement(pose).sum()
+    pub(super) fn inlier_score(&self, pose: &Transform) -> f64 {
+        self.inlier_weights(pose).sum()
     }
 
     /// Of each match 1 − r²/τ², or 0 where its residual r is above τ.
-    pub(super) fn agreement(&self, pose: &Transform) -> impl Iterator<Item = f64> {
-        let square = self.reach().powi(2);
+    pub(super) fn inlier_weights(&self, pose: &Transform) -> impl Iterator<Item = f64> {
+        let square = self.inlier_distance().powi(2);
         (0..self.len()).map(move |k| (1.0 - self.squared_residual(pose, k) / square).max(0.0))
     }
 
@@ -97,9 +97,9 @@ impl Matches {
     }
 
     /// The pose that the matches within shrinking bounds of it settle on.
-    fn settle(&self, mut pose: Transform, prior: &Prior) -> Transform {
-        for bound in BOUNDS {
-            let square = (bound * self.reach()).powi(2);
+    fn refine(&self, mut pose: Transform, prior: &Prior) -> Transform {
+        for bound in INLIER_SCHEDULE {
+            let square = (bound * self.inlier_distance()).powi(2);
             let near = (0..self.len()).filter_map(|k| {
                 let rest = 1.0 - self.squared_residual(&pose, k) / square;
                 (rest > 0.0).then_some((k, rest * rest))
@@ -113,8 +113,8 @@ impl Matches {
     }
 
     /// The poses of at most `seeds` matches that `prior` allows, best supported first.
-    pub(super) fn hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
-        let graph = self.compatible();
+    pub(super) fn generate_hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
+        let graph = self.compatibility_graph();
         let common = |i: usize, j: usize| -> usize {
             graph.row(i).iter().zip(graph.row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
         };
@@ -127,29 +127,29 @@ impl Matches {
         order.sort_by_key(|&i| (std::cmp::Reverse(strength[i]), i));
         let mut explained = vec![false; self.len()];
         let mut found = Vec::new();
-        let square = self.reach().powi(2);
+        let square = self.inlier_distance().powi(2);
         let solve = |seed: usize| -> Option<Hypothesis> {
             let mut mates: Vec<(usize, usize)> =
                 members(graph.row(seed)).map(|j| (common(seed, j), j)).collect();
             mates.sort_by_key(|&(common, j)| (std::cmp::Reverse(common), j));
-            mates.truncate(MATES);
+            mates.truncate(SEED_NEIGHBORS);
             let own = mates.first().map_or(1, |&(most, _)| most);
             let weighted = mates.iter().map(|&(common, j)| (j, common as f64));
-            let pose = self.settle(self.solve(weighted.chain([(seed, own as f64)]), prior)?, prior);
-            Some(Hypothesis { pose, support: self.support(&pose) })
+            let pose = self.refine(self.solve(weighted.chain([(seed, own as f64)]), prior)?, prior);
+            Some(Hypothesis { pose, inlier_score: self.inlier_score(&pose) })
         };
         let (mut tried, mut next) = (0, order.into_iter());
         while tried < seeds {
             // Some at a time, always as many: threads change no bit.
             let some = next.by_ref().filter(|&seed| !explained[seed]);
-            let some: Vec<usize> = some.take(AT_A_TIME.min(seeds - tried)).collect();
+            let some: Vec<usize> = some.take(SEED_BATCH.min(seeds - tried)).collect();
             if some.is_empty() {
                 break;
             }
             tried += some.len();
             let solved = par::map(some.len(), || (), |_, k| solve(some[k]));
             // Two matches agree with some pose always.
-            for hypothesis in solved.into_iter().flatten().filter(|found| found.support >= 2.0) {
+            for hypothesis in solved.into_iter().flatten().filter(|found| found.inlier_score >= 2.0) {
                 for (k, explained) in explained.iter_mut().enumerate() {
                     *explained |= self.squared_residual(&hypothesis.pose, k) < square;
                 }
@@ -159,9 +159,9 @@ impl Matches {
         if found.is_empty() {
             // No two agree: all of them have a pose still, to be judged for what it is.
             let all = self.solve((0..self.len()).map(|k| (k, 1.0)), prior);
-            found.extend(all.map(|pose| Hypothesis { pose, support: self.support(&pose) }));
+            found.extend(all.map(|pose| Hypothesis { pose, inlier_score: self.inlier_score(&pose) }));
         }
-        found.sort_by(|a, b| b.support.total_cmp(&a.support));
+        found.sort_by(|a, b| b.inlier_score.total_cmp(&a.inlier_score));
         found
     }
 }
@@ -173,7 +173,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     /// `right` matches under `pose`, off by up to a third of the length, among wrong ones.
-    fn matches(right: usize, wrong: usize, pose: &Transform) -> Matches {
+    fn matches(right: usize, wrong: usize, pose: &Transform) -> Correspondences {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut place = |size: f64| [(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0));
         let (mut source, mut target) = (Vec::new(), Vec::new());
@@ -184,30 +184,30 @@ mod tests {
             target.push(onto.map(|x| x as f32));
         }
         let pairs = (0..source.len() as u32).map(|k| (k, k)).collect();
-        Matches { weights: vec![1.0; source.len()], source, target, pairs, length: 1.0 }
+        Correspondences { weights: vec![1.0; source.len()], source, target, pairs, voxel_size: 1.0 }
     }
 
     #[test]
     fn a_few_right_matches_among_many_wrong_are_found() {
         let turn = Transform::from_rotation_vector([0.4, 2.0, -1.0]);
         let truth = Transform { translation: [3.0, -8.0, 5.0], ..turn };
-        let found = matches(25, 475, &truth).hypotheses(200, &Prior::default());
+        let found = matches(25, 475, &truth).generate_hypotheses(200, &Prior::default());
         let off = truth.after(&found[0].pose.inverse());
         assert!(off.angle().to_degrees() < 0.5, "{}", off.angle().to_degrees());
         // All that are right agree, and hardly a wrong one with them.
-        assert!((20.0..29.0).contains(&found[0].support), "{}", found[0].support);
+        assert!((20.0..29.0).contains(&found[0].inlier_score), "{}", found[0].inlier_score);
         // Other seeds may lead to the same pose; other poses have hardly a match.
         let same = |other: &Hypothesis| other.pose.after(&truth.inverse()).angle() < 0.02;
-        assert!(found.iter().all(|other| other.support < 12.0 || same(other)));
+        assert!(found.iter().all(|other| other.inlier_score < 12.0 || same(other)));
     }
 
     #[test]
     fn few_matches_have_a_pose_that_nothing_supports() {
         let truth = Transform::IDENTITY;
         for few in 0..3 {
-            assert!(matches(few, 0, &truth).hypotheses(200, &Prior::default()).is_empty());
+            assert!(matches(few, 0, &truth).generate_hypotheses(200, &Prior::default()).is_empty());
         }
-        let found = matches(0, 5, &truth).hypotheses(200, &Prior::default());
-        assert!(found.len() == 1 && found[0].support < 2.0, "{found:?}");
+        let found = matches(0, 5, &truth).generate_hypotheses(200, &Prior::default());
+        assert!(found.len() == 1 && found[0].inlier_score < 2.0, "{found:?}");
     }
 }

@@ -1,27 +1,27 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
-mod answer;
-mod attempt;
-mod candidates;
-mod connections;
+mod result;
+mod trial;
+mod scored_pose;
+mod weight_graph;
 mod evidence;
-mod glance;
+mod viewpoint_sample;
 mod hypotheses;
-mod judge;
-mod scale;
+mod verify;
+mod scale_mismatch;
 mod scan;
-mod settle;
-mod standing;
-mod whole;
+mod refine;
+mod confidence;
+mod filtered_cloud;
 
 use serde::{Deserialize, Serialize};
 
-use self::attempt::{Attempt, Candidate};
-pub use self::candidates::Judged;
-use self::evidence::Evidence;
-use self::scan::{REACH, Scan, Surface, View};
-use self::settle::{Effort, Settled, settle};
-use self::whole::Whole;
+use self::trial::{ViewpointTrial, LocalScoredPose};
+pub use self::scored_pose::ScoredPose;
+use self::evidence::PoseEvidence;
+use self::scan::{INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis};
+use self::refine::{RefineOptions, Refined, refine};
+use self::filtered_cloud::FilteredCloud;
 use super::registration::Timings;
 use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -112,33 +112,33 @@ impl Default for Consensus {
 }
 
 /// Points that a cloud is thinned to.
-pub(super) const POINTS: usize = 5000;
+pub(super) const DOWNSAMPLED_POINTS: usize = 5000;
 /// How they are settled, and by as many points they are judged then.
-const LOOK: Effort = Effort { most: 1000, steps: 12, rest: 0.01 };
+const COARSE_REFINEMENT: RefineOptions = RefineOptions { max_points: 1000, max_iterations: 12, tolerance: 0.01 };
 /// How the answer is settled: to where its own errors are larger than those of the last step.
-const ANSWER: Effort = Effort { most: usize::MAX, steps: 100, rest: 1e-4 };
+const FINE_REFINEMENT: RefineOptions = RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
 /// Poses that move points apart by less than this, in lengths, are one.
-const SAME: f64 = 3.0;
+const DUPLICATE_POSE: f64 = 3.0;
 /// And from this on a runner-up is another answer.
-const OTHER: f64 = 8.0;
+const DISTINCT_POSE: f64 = 8.0;
 /// A pose that is judged is as good as the one that it settles on, if that is nearer than this.
-const NEAR: f64 = 1.0;
+const MAX_REFINE_SHIFT: f64 = 1.0;
 /// Times as far from the middle as half the points are, from which on a point is a stray.
-const STRAY: f64 = 30.0;
+const OUTLIER_FACTOR: f64 = 30.0;
 
 /// All that was tried on two clouds, and what came out best.
-pub(super) struct Search<'a> {
+pub(super) struct ConsensusSearch<'a> {
     /// With its length in force.
     config: Consensus,
-    length: f64,
+    voxel_size: f64,
     scans: [Scan<'a>; 2],
     /// From where they were seen, where that is known.
-    sensors: [Option<View>; 2],
-    attempts: Vec<Attempt>,
+    known_viewpoints: [Option<ViewpointHypothesis>; 2],
+    trials: Vec<ViewpointTrial>,
     /// Which of them has the answer.
-    best: usize,
-    settled: Settled,
-    evidence: Evidence,
+    best_trial: usize,
+    refined: Refined,
+    evidence: PoseEvidence,
 }
 
 impl Consensus {
@@ -158,11 +158,11 @@ impl Consensus {
     }
 
     /// The length that all others follow from.
-    fn length(&self, ends: [&Whole<'_>; 2]) -> Result<f64> {
+    fn choose_voxel_size(&self, ends: [&FilteredCloud<'_>; 2]) -> Result<f64> {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let [source, target] = par::both(ends, |whole| whole.voxel_side(POINTS))?;
+        let [source, target] = par::both(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
@@ -173,7 +173,7 @@ impl Consensus {
 
     fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         let mut times = Timings::default();
-        self.search(source, target, &mut times)?.registration(times)
+        self.search(source, target, &mut times)?.to_registration(times)
     }
 
     /// The search whose best pose is the answer.
@@ -182,19 +182,19 @@ impl Consensus {
         source: Cached<'a>,
         target: Cached<'a>,
         times: &mut Timings,
-    ) -> Result<Search<'a>> {
-        let search = self.search_whole(source, target, times)?;
-        let pose = search.found();
-        Ok(search.without_carriers(&pose, times))
+    ) -> Result<ConsensusSearch<'a>> {
+        let search = self.filter_and_search(source, target, times)?;
+        let pose = search.best_pose();
+        Ok(search.remove_ego_vehicle(&pose, times))
     }
 
     /// The search among all that belongs to the place, and what travels with the sensors.
-    fn search_whole<'a>(
+    fn filter_and_search<'a>(
         &self,
         source: Cached<'a>,
         target: Cached<'a>,
         times: &mut Timings,
-    ) -> Result<Search<'a>> {
+    ) -> Result<ConsensusSearch<'a>> {
         self.validate()?;
         for (end, what) in [(source, "the source"), (target, "the target")] {
             if end.cloud.len() < 3 {
@@ -202,26 +202,26 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
-        let whole = |end| Whole::of(end, self.range_limit, self.keep_no_returns);
+        let whole = |end| FilteredCloud::new(end, self.range_limit, self.keep_no_returns);
         let clouds = times.time("range limit", || par::both([source, target], whole))?;
-        self.search_in(clouds, times)
+        self.search_filtered(clouds, times)
     }
 
-    fn search_in<'a>(
+    fn search_filtered<'a>(
         &self,
-        [source, target]: [Whole<'a>; 2],
+        [source, target]: [FilteredCloud<'a>; 2],
         times: &mut Timings,
-    ) -> Result<Search<'a>> {
-        let length = times.time("thin", || self.length([&source, &target]))?;
+    ) -> Result<ConsensusSearch<'a>> {
+        let length = times.time("thin", || self.choose_voxel_size([&source, &target]))?;
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
             par::both(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
         })?;
         let ends = || scans.each_ref();
-        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.sensor()))?;
-        let attempts = config.attempts(&scans, sensors, length, times)?;
-        let odds = |attempt: &Attempt| {
+        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.known_viewpoint()))?;
+        let attempts = config.run_trials(&scans, sensors, length, times)?;
+        let odds = |attempt: &ViewpointTrial| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
         };
         // The first of those that are equally good.
@@ -232,72 +232,72 @@ impl Consensus {
         else {
             return Err(Error::NO_WEIGHT);
         };
-        let ends = at.ends();
+        let ends = at.surface_refs();
         let settled =
-            times.time("refine", || settle(ends, &first.pose, REACH * length, ANSWER, &self.prior));
-        let evidence = Evidence::of(ends, &at.matches, &settled.pose, LOOK.most);
-        Ok(Search { config, length, scans, sensors, attempts, best, settled, evidence })
+            times.time("refine", || refine(ends, &first.pose, INLIER_DISTANCE * length, FINE_REFINEMENT, &self.prior));
+        let evidence = PoseEvidence::compute(ends, &at.correspondences, &settled.pose, COARSE_REFINEMENT.max_points);
+        Ok(ConsensusSearch { config, voxel_size: length, scans, known_viewpoints: sensors, trials: attempts, best_trial: best, refined: settled, evidence })
     }
 }
 
-impl Search<'_> {
+impl ConsensusSearch<'_> {
     /// The points that were searched, without those that were left out.
     pub(super) fn clouds(&self) -> [Cached<'_>; 2] {
-        self.scans.each_ref().map(|scan| scan.whole().cached())
+        self.scans.each_ref().map(|scan| scan.filtered_cloud().cached())
     }
 
     /// The pose that came out best, between the clouds' own frames.
-    fn found(&self) -> Transform {
-        let [from, onto] = &self.attempts[self.best].surfaces;
-        global(&self.settled.pose, from, onto)
+    fn best_pose(&self) -> Transform {
+        let [from, onto] = &self.trials[self.best_trial].surfaces;
+        to_cloud_frames(&self.refined.pose, from, onto)
     }
 
     /// The search once more without what may travel with the sensors, where `pose`, between the
     /// clouds' own frames, lays one on the other: their carriers do by it, wherever they went.
     /// The origin of a frame, which may be that of a shape, is no sensor here.
-    fn without_carriers(self, pose: &Transform, times: &mut Timings) -> Self {
-        let known = |view: Option<View>| match view {
-            Some(View::Sensor(at, by)) if by != OrientedBy::FrameOrigin => Some(at),
+    fn remove_ego_vehicle(self, pose: &Transform, times: &mut Timings) -> Self {
+        let known = |view: Option<ViewpointHypothesis>| match view {
+            Some(ViewpointHypothesis::Known(at, by)) if by != OrientedBy::FrameOrigin => Some(at),
             _ => None,
         };
-        let [Some(source), Some(target)] = self.sensors.map(known) else { return self };
+        let [Some(source), Some(target)] = self.known_viewpoints.map(known) else { return self };
         let off = math::norm(math::sub(pose.apply(source), target));
-        if off > self.length {
+        if off > self.voxel_size {
             return self;
         }
-        let far = [self.scans[0].without_carrier(source), self.scans[1].without_carrier(target)];
-        self.config.search_in(far, times).unwrap_or(self)
+        let far = [self.scans[0].remove_ego_vehicle(source), self.scans[1].remove_ego_vehicle(target)];
+        self.config.search_filtered(far, times).unwrap_or(self)
     }
 }
 
 /// Eight points spread over the surface, in the order of its points; less those that are as far
 /// away from the others as a stray return, which would tell poses apart by itself.
-fn corners(surface: &Surface) -> Vec<Vec3> {
-    let all: Vec<Vec3> = (0..8).map(|k| surface.place(k * (surface.len() - 1) / 7)).collect();
+fn probe_points(surface: &Surface) -> Vec<Vec3> {
+    let all: Vec<Vec3> = (0..8).map(|k| surface.point(k * (surface.len() - 1) / 7)).collect();
     let middle = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
     let center = [0, 1, 2].map(|axis| middle(all.iter().map(|place| place[axis]).collect()));
     let off = |place: &Vec3| math::norm(math::sub(*place, center));
-    let most = STRAY * middle(all.iter().map(off).collect());
+    let most = OUTLIER_FACTOR * middle(all.iter().map(off).collect());
     all.into_iter().filter(|place| off(place) <= most).collect()
 }
 
 /// Mean distance between where two poses put `places`.
-fn apart(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
+fn mean_displacement(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
     let off = |&place: &Vec3| math::norm(math::sub(a.apply(place), b.apply(place)));
     places.iter().map(off).sum::<f64>() / places.len() as f64
 }
 
 /// A pose between local frames as one between the clouds' own.
-fn global(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+fn to_cloud_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
     let there = math::add(pose.translation, onto.origin);
     Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
 }
 
 /// A pose between the clouds' own frames as one between local ones.
-fn local(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+fn to_local_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
     Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
 }
 

@@ -3,8 +3,8 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::glance::Glance;
-use super::whole::Whole;
+use super::viewpoint_sample::ViewpointSample;
+use super::filtered_cloud::FilteredCloud;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
@@ -18,37 +18,37 @@ use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, Vicinity};
 use crate::visibility::{DepthImage, Sight, Viewpoints};
 
 /// Distance within which surfaces lie on each other, in lengths.
-pub(super) const REACH: f64 = 1.5;
+pub(super) const INLIER_DISTANCE: f64 = 1.5;
 /// Distance beyond which no surface is looked for, in lengths.
-pub(super) const FARTHEST: f64 = 2.0 * REACH;
+pub(super) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
 /// Nearest points that make a normal.
 const NORMAL_NEIGHBORS: usize = 20;
 /// Nearest points that make a descriptor.
-const NEIGHBORS: usize = 100;
+const DESCRIPTOR_NEIGHBORS: usize = 100;
 /// What may speak against the origin of a frame ([`Sight::implausible`]) that is tried as the
 /// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
-const PLAUSIBLE: f64 = 0.2;
+const MAX_ORIGIN_COST: f64 = 0.2;
 
 /// What is nearer to a sensor than this share of the median may travel with it.
-const CARRIER: f64 = 0.5;
+const EGO_RANGE_FACTOR: f64 = 0.5;
 
 /// Keys of what is made of a cloud alone, and at a length.
 #[derive(PartialEq)]
-struct Thinned(f64, Vec<Channel>);
+struct DownsampledKey(f64, Vec<Channel>);
 #[derive(PartialEq)]
-struct GuessedFrom;
+struct EstimatedViewpointsKey;
 #[derive(PartialEq)]
-struct SeenFrom(Vec3);
+struct DepthImageKey(Vec3);
 
 /// A cloud, and what it is thinned to one length.
 pub(super) struct Scan<'a> {
-    whole: Whole<'a>,
-    thin: Arc<Thin>,
+    filtered: FilteredCloud<'a>,
+    downsampled: Arc<DownsampledScan>,
 }
 
 /// A cloud thinned to one length.
-struct Thin {
+struct DownsampledScan {
     cloud: PointCloud,
     /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
     weights: Option<Vec<f32>>,
@@ -57,19 +57,19 @@ struct Thin {
     neighbors: Neighbors,
     /// Of either sign.
     normals: Vec<[f32; 3]>,
-    length: f64,
-    glance: OnceLock<Glance>,
+    voxel_size: f64,
+    viewpoint_sample: OnceLock<ViewpointSample>,
     /// Of surfaces, by the place that they are seen from.
     cache: Cache,
 }
 
 /// From where a scan is taken to be seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum View {
+pub(super) enum ViewpointHypothesis {
     /// The sensor's place, as the cloud says: what lies between it and the surfaces was empty.
-    Sensor(Vec3, OrientedBy),
+    Known(Vec3, OrientedBy),
     /// A place that orients the normals alone, in the thinned cloud's local frame.
-    Guess(Vec3),
+    Estimated(Vec3),
     /// From all around.
     Outward,
 }
@@ -87,8 +87,8 @@ pub(super) struct Surface {
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
     tree: Arc<SearchTree>,
-    vicinity: Arc<Vicinity>,
-    pub(super) seen: Option<Arc<DepthImage>>,
+    occupancy: Arc<Vicinity>,
+    pub(super) depth_image: Option<Arc<DepthImage>>,
     pub(super) oriented_by: OrientedBy,
 }
 
@@ -96,112 +96,112 @@ impl<'a> Scan<'a> {
     /// Thins `whole` to about one point per cube of side `length`, to be compared by `channels`
     /// too; `name` is what errors call it.
     pub(super) fn new(
-        whole: Whole<'a>,
+        whole: FilteredCloud<'a>,
         length: f64,
         channels: &[Channel],
         name: &str,
     ) -> Result<Self> {
-        let make = || Thin::of(whole.cloud(), length, channels, name);
-        let thin = whole.cached().get(Thinned(length, channels.to_vec()), make)?;
-        Ok(Scan { whole, thin })
+        let make = || DownsampledScan::new(whole.cloud(), length, channels, name);
+        let thin = whole.cached().get(DownsampledKey(length, channels.to_vec()), make)?;
+        Ok(Scan { filtered: whole, downsampled: thin })
     }
 
-    pub(super) fn whole(&self) -> &Whole<'a> {
-        &self.whole
+    pub(super) fn filtered_cloud(&self) -> &FilteredCloud<'a> {
+        &self.filtered
     }
 
-    pub(super) fn neighbors(&self) -> usize {
-        NEIGHBORS.min(self.thin.cloud.len())
+    pub(super) fn descriptor_neighbors(&self) -> usize {
+        DESCRIPTOR_NEIGHBORS.min(self.downsampled.cloud.len())
     }
 
     /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
     /// that is plausible, the origin of its frame.
-    pub(super) fn sensor(&self) -> Result<Option<View>> {
-        let whole = self.whole.cloud();
+    pub(super) fn known_viewpoint(&self) -> Result<Option<ViewpointHypothesis>> {
+        let whole = self.filtered.cloud();
         if let Some(at) = whole.viewpoint() {
-            return Ok(Some(View::Sensor(at, OrientedBy::CloudViewpoint)));
+            return Ok(Some(ViewpointHypothesis::Known(at, OrientedBy::CloudViewpoint)));
         }
-        if let Some(limit) = self.whole.limit() {
-            return Ok(Some(View::Sensor(limit.viewpoint, OrientedBy::RangeLimit)));
+        if let Some(limit) = self.filtered.range_limit() {
+            return Ok(Some(ViewpointHypothesis::Known(limit.viewpoint, OrientedBy::RangeLimit)));
         }
         let origin = whole.frame_origin();
-        let local = math::sub(origin, self.thin.cloud.origin());
-        let against = self.thin.glance()?.sight().implausible(local);
-        Ok((against < PLAUSIBLE).then_some(View::Sensor(origin, OrientedBy::FrameOrigin)))
+        let local = math::sub(origin, self.downsampled.cloud.origin());
+        let against = self.downsampled.viewpoint_sample()?.oriented_sample().implausible(local);
+        Ok((against < MAX_ORIGIN_COST).then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
     }
 
     /// The places from which it may have been seen, by its shape alone.
-    pub(super) fn guesses(&self) -> Result<[Option<View>; 2]> {
-        let guesses = self.thin.cache.get(GuessedFrom, || {
-            let glance = self.thin.glance()?;
-            Ok(Guesses(Viewpoints::find(glance.sight(), &glance.toward)))
+    pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
+        let guesses = self.downsampled.cache.get(EstimatedViewpointsKey, || {
+            let glance = self.downsampled.viewpoint_sample()?;
+            Ok(CachedViewpoints(Viewpoints::find(glance.oriented_sample(), &glance.neighborhood_offsets)))
         })?;
         let Viewpoints { outside, inside } = guesses.0;
-        Ok([outside, inside].map(|best| best.map(|(at, _)| View::Guess(at))))
+        Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
     }
 
     /// The scan seen from `view`, described.
-    pub(super) fn surface(&self, view: View) -> Result<Arc<Surface>> {
-        let seen = self.seen(view)?;
-        self.thin.cache.get(view, || self.thin.surface(view, seen))
+    pub(super) fn surface(&self, view: ViewpointHypothesis) -> Result<Arc<Surface>> {
+        let seen = self.depth_image(view)?;
+        self.downsampled.cache.get(view, || self.downsampled.compute_surface(view, seen))
     }
 
     /// What the sensor saw from the place that `view` gives it or, where that gives none, from
     /// the one that returns at its limit lie about: what a file says may be wrong.
-    fn seen(&self, view: View) -> Result<Option<Arc<DepthImage>>> {
-        let at = match (view, self.whole.limit()) {
-            (View::Sensor(at, _), _) => at,
-            (View::Guess(_) | View::Outward, Some(limit)) => limit.viewpoint,
-            (View::Guess(_) | View::Outward, None) => return Ok(None),
+    fn depth_image(&self, view: ViewpointHypothesis) -> Result<Option<Arc<DepthImage>>> {
+        let at = match (view, self.filtered.range_limit()) {
+            (ViewpointHypothesis::Known(at, _), _) => at,
+            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, Some(limit)) => limit.viewpoint,
+            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, None) => return Ok(None),
         };
-        let (origin, length) = (self.thin.cloud.origin(), self.thin.length);
+        let (origin, length) = (self.downsampled.cloud.origin(), self.downsampled.voxel_size);
         let image = || {
-            let local = self.whole.cloud().positions().map(|p| math::sub(p, origin));
-            Ok(Seen(DepthImage::new(local, math::sub(at, origin), length).map(Arc::new)))
+            let local = self.filtered.cloud().positions().map(|p| math::sub(p, origin));
+            Ok(CachedDepthImage(DepthImage::new(local, math::sub(at, origin), length).map(Arc::new)))
         };
-        self.thin.cache.get(SeenFrom(at), image).map(|seen| seen.0.clone())
+        self.downsampled.cache.get(DepthImageKey(at), image).map(|seen| seen.0.clone())
     }
 
     /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
     /// a share of the median of its surfaces.
-    pub(super) fn without_carrier(&self, place: Vec3) -> Whole<'a> {
+    pub(super) fn remove_ego_vehicle(&self, place: Vec3) -> FilteredCloud<'a> {
         let distance = |p: Vec3| math::norm(math::sub(p, place));
-        let mut distances: Vec<f64> = self.thin.cloud.positions().map(distance).collect();
+        let mut distances: Vec<f64> = self.downsampled.cloud.positions().map(distance).collect();
         distances.sort_by(f64::total_cmp);
-        self.whole.beyond(place, CARRIER * distances[distances.len() / 2])
+        self.filtered.crop_near(place, EGO_RANGE_FACTOR * distances[distances.len() / 2])
     }
 }
 
 /// What a sensor saw, if that tells something.
-struct Seen(Option<Arc<DepthImage>>);
+struct CachedDepthImage(Option<Arc<DepthImage>>);
 
-impl Keep for Seen {
+impl Keep for CachedDepthImage {
     fn bytes(&self) -> usize {
         self.0.as_ref().map_or(0, |image| image.bytes())
     }
 }
 
 /// What was guessed of the viewpoint.
-struct Guesses(Viewpoints);
+struct CachedViewpoints(Viewpoints);
 
-impl Keep for Guesses {
+impl Keep for CachedViewpoints {
     fn bytes(&self) -> usize {
         size_of::<Viewpoints>()
     }
 }
 
-impl Keep for Thin {
+impl Keep for DownsampledScan {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         // Places of neighbours, and of their rows.
-        let near = self.neighbors.len() * 4 * (NEIGHBORS + 4);
+        let near = self.neighbors.len() * 4 * (DESCRIPTOR_NEIGHBORS + 4);
         let own = self.cloud.bytes() + self.cloud.len() * 4 * (3 + single) + near;
-        own + self.glance.get().map_or(0, Glance::bytes) + self.cache.bytes()
+        own + self.viewpoint_sample.get().map_or(0, ViewpointSample::bytes) + self.cache.bytes()
     }
 }
 
-impl Thin {
-    fn of(cloud: &PointCloud, length: f64, channels: &[Channel], name: &str) -> Result<Self> {
+impl DownsampledScan {
+    fn new(cloud: &PointCloud, length: f64, channels: &[Channel], name: &str) -> Result<Self> {
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
@@ -223,28 +223,28 @@ impl Thin {
         let channels = values.into_iter().map(<[f32]>::to_vec).collect();
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
-        let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(NEIGHBORS))?;
+        let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(DESCRIPTOR_NEIGHBORS))?;
         let (glance, cache) = (OnceLock::new(), Cache::default());
-        Ok(Thin { cloud: thin, weights, channels, neighbors, normals, length, glance, cache })
+        Ok(DownsampledScan { cloud: thin, weights, channels, neighbors, normals, voxel_size: length, viewpoint_sample: glance, cache })
     }
 
     /// Some of the points, found when they are first asked for.
-    fn glance(&self) -> Result<&Glance> {
-        if let Some(glance) = self.glance.get() {
+    fn viewpoint_sample(&self) -> Result<&ViewpointSample> {
+        if let Some(glance) = self.viewpoint_sample.get() {
             return Ok(glance);
         }
-        let found = Glance::at(&self.cloud, self.length)?;
-        Ok(self.glance.get_or_init(|| found))
+        let found = ViewpointSample::new(&self.cloud, self.voxel_size)?;
+        Ok(self.viewpoint_sample.get_or_init(|| found))
     }
 
     /// Seen from `view`, described; the sensor has `seen` that.
-    fn surface(&self, view: View, seen: Option<Arc<DepthImage>>) -> Result<Surface> {
+    fn compute_surface(&self, view: ViewpointHypothesis, seen: Option<Arc<DepthImage>>) -> Result<Surface> {
         let (points, origin) = (self.cloud.points(), self.cloud.origin());
-        let sight = Sight { points, normals: &self.normals, spacing: self.length };
+        let sight = Sight { points, normals: &self.normals, spacing: self.voxel_size };
         let (normals, oriented_by) = match view {
-            View::Sensor(at, by) => (sight.towards(math::sub(at, origin)), by),
-            View::Guess(at) => (sight.towards(at), OrientedBy::Guess),
-            View::Outward => (self.normals.clone(), OrientedBy::Centroid),
+            ViewpointHypothesis::Known(at, by) => (sight.towards(math::sub(at, origin)), by),
+            ViewpointHypothesis::Estimated(at) => (sight.towards(at), OrientedBy::Guess),
+            ViewpointHypothesis::Outward => (self.normals.clone(), OrientedBy::Centroid),
         };
         let descriptors = fpfh(points, &normals, &self.neighbors, HistogramScale::Open3d)?;
         let defined =
@@ -257,21 +257,21 @@ impl Thin {
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
             tree: SearchTree::new(&points)?.into(),
-            vicinity: Vicinity::new(&points, FARTHEST * self.length).into(),
+            occupancy: Vicinity::new(&points, SEARCH_RADIUS * self.voxel_size).into(),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
             descriptors: descriptors.select(&defined),
             channels: self.channels.iter().map(|own| at_points(own)).collect(),
             weights: self.weights.as_ref().map(|own| at_points(own)),
-            seen,
+            depth_image: seen,
             oriented_by,
         })
     }
 }
 
 /// Squared distance of two descriptors.
-pub(super) fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+pub(super) fn squared_descriptor_distance(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
@@ -281,7 +281,7 @@ impl Keep for Surface {
         // Points once more, with their numbers, in the tree. What was seen counts by itself.
         let tree = self.len() * 4 * 4;
         let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
-        own + tree + self.vicinity.bytes()
+        own + tree + self.occupancy.bytes()
     }
 }
 
@@ -290,7 +290,7 @@ impl Surface {
         self.points.len()
     }
 
-    pub(super) fn place(&self, i: usize) -> Vec3 {
+    pub(super) fn point(&self, i: usize) -> Vec3 {
         self.points[i].map(f64::from)
     }
 
@@ -298,7 +298,7 @@ impl Surface {
     /// [`FARTHEST`] away.
     pub(super) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
-        self.vicinity.may_hold(&place).then(|| self.tree.nearest(&place))
+        self.occupancy.may_hold(&place).then(|| self.tree.nearest(&place))
     }
 
     pub(super) fn normal(&self, i: usize) -> Vec3 {
@@ -311,7 +311,7 @@ impl Surface {
     }
 
     /// Puts the values of `channels` beside the descriptors of both.
-    pub(super) fn compare(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
+    pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
         if channels.is_empty() {
             return Ok(());
         }
@@ -327,7 +327,7 @@ impl Surface {
     }
 
     /// One side of a full connection.
-    pub(super) fn described(&self) -> Described<'_> {
+    pub(super) fn feature_view(&self) -> Described<'_> {
         Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
     }
 }
@@ -347,13 +347,13 @@ mod tests {
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud: &PointCloud| {
-            let whole = Whole::of(cloud.into(), true, false).unwrap();
-            Scan::new(whole, 3.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+            let whole = FilteredCloud::new(cloud.into(), true, false).unwrap();
+            Scan::new(whole, 3.0, &[], "it").unwrap().surface(ViewpointHypothesis::Outward).unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);
         for i in 0..heavy.len() {
-            let want = (heavy.place(i)[0] + heavy.origin[0]) / 29.5;
+            let want = (heavy.point(i)[0] + heavy.origin[0]) / 29.5;
             assert!((heavy.weight(i) - want).abs() < 1e-5 && plain.weight(i) == 1.0);
         }
     }

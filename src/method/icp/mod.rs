@@ -17,7 +17,7 @@ use crate::math;
 use crate::moments::{self, Moments};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{self, Doubt};
+use crate::quality::{self, Warning};
 use crate::weight::WeightScheme;
 
 /// What distance of a pair is made small.
@@ -196,7 +196,7 @@ impl Icp {
         if config.bandwidth.is_none() && config.weights != WeightScheme::Uniform {
             // Duplicated points have resolution 0.
             let [from, onto] = [source.resolution()?, target.resolution()?];
-            let found = quality::distance_of_resolutions(from, onto, scale);
+            let found = quality::default_distance_from_resolutions(from, onto, scale);
             config.bandwidth = Some(found.max(1e-6 * target.cloud.diagonal()));
         }
         Ok(config)
@@ -267,7 +267,7 @@ impl Icp {
         if let Some(surfaces) = &surfaces {
             let found = surfaces.hold(Connected { source, target, pairs: &pairs }, &transform);
             if found.is_nan() || found < LEAST_HOLD {
-                doubts.push(Doubt::Slides { found, needed: LEAST_HOLD });
+                doubts.push(Warning::Degenerate { found, needed: LEAST_HOLD });
             }
         }
         let found = Found {

@@ -69,7 +69,7 @@ pub(super) fn certify(
     let dual = Dual::new(&measurements, &rotation, cost);
     let (gap, iterations) = dual.close()?;
     let found = Transform { rotation, ..*answer };
-    let rotation_deg = quality::truth_error(&found, answer, [0.0; 3]).rotation_deg;
+    let rotation_deg = quality::pose_error(&found, answer, [0.0; 3]).rotation_deg;
     Some(Certificate { gap, rotation_deg, differences: measurements.len(), iterations })
 }
 

@@ -20,7 +20,7 @@ use crate::method::graph::Graph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::Doubt;
+use crate::quality::Warning;
 pub use certificate::Certificate;
 use matches::Matches;
 use rotation::{Round, Schedule};
@@ -237,7 +237,7 @@ impl Teaser {
         check_number(clique.members.len(), "the largest set of consistent matches")?;
         let mut doubts = Vec::new();
         if !clique.proved {
-            doubts.push(Doubt::CliqueNotProved { found: clique.members.len() });
+            doubts.push(Warning::CliqueNotProved { found: clique.members.len() });
         }
         let kept = matches.select(&clique.members);
         let (rounds, settled) = times.time("rotation", || {
@@ -249,7 +249,7 @@ impl Teaser {
         let inliers = inliers::agreeing(&kept, &transform, bound);
         let needed = inliers::needed(matches, scale, difference_bound);
         if inliers.len() < needed {
-            doubts.push(Doubt::FewInliers { found: inliers.len(), needed });
+            doubts.push(Warning::FewInliers { found: inliers.len(), needed });
         }
         // Without inliers the clique is what the pose rests on.
         let held = if inliers.is_empty() { kept.clone() } else { kept.select(&inliers) };

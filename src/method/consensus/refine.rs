@@ -7,70 +7,70 @@ use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Vec3};
 use crate::moments::Moments;
 use crate::pose::Prior;
-use crate::quality::{Contact, PoseCovariance};
+use crate::quality::{SurfacePair, PoseCovariance};
 
 /// Cosine of the angle between normals above which points are paired, whichever way they face.
-const ALIKE: f64 = 0.7;
+const MIN_NORMAL_COSINE: f64 = 0.7;
 /// Weight of the distance along the surface beside that across it: keeps planes from sliding.
-const ALONG: f64 = 0.05;
+const TANGENTIAL_WEIGHT: f64 = 0.05;
 /// Pairs below which nothing is solved.
-const LEAST: usize = 10;
+const MIN_PAIRS: usize = 10;
 /// Steps during which pairs may be twice as far apart.
-const WIDE: usize = 3;
+const WIDE_ITERATIONS: usize = 3;
 
 /// A pose at rest, and the moments of the pairs it rests on.
 #[derive(Clone, Copy)]
-pub(super) struct Settled {
+pub(super) struct Refined {
     pub(super) pose: Transform,
     pub(super) moments: Moments,
-    pub(super) steps: u32,
+    pub(super) iterations: u32,
 }
 
 /// How long to go on.
 #[derive(Clone, Copy)]
-pub(super) struct Effort {
+pub(super) struct RefineOptions {
     /// Points of the source that are looked at, spread evenly.
-    pub(super) most: usize,
+    pub(super) max_points: usize,
     /// Most steps.
-    pub(super) steps: u32,
+    pub(super) max_iterations: u32,
     /// Shift, as a share of the pairs' reach, below which a step is rest; a hundredth of it for
     /// the turn, in radians.
-    pub(super) rest: f64,
+    pub(super) tolerance: f64,
 }
 
 /// Moves the pose `start`, local frame to local frame, until it rests; pairs are at most `reach`
 /// apart. After each step the pose is the nearest that `prior` allows.
-pub(super) fn settle(
+pub(super) fn refine(
     [source, target]: [&Surface; 2],
     start: &Transform,
     reach: f64,
-    Effort { most, steps, rest }: Effort,
+    RefineOptions { max_points: most, max_iterations: steps, tolerance: rest }: RefineOptions,
     prior: &Prior,
-) -> Settled {
+) -> Refined {
     let stride = source.len().div_ceil(most).max(1);
     let none = Moments::about(source.origin, target.origin);
-    let mut settled = Settled { pose: *start, moments: none, steps: 0 };
+    let mut settled = Refined { pose: *start, moments: none, iterations: 0 };
     for step in 0..steps {
-        let reach = if (step as usize) < WIDE { 2.0 * reach } else { reach };
-        let mut system = System { curvature: [[0.0; 6]; 6], pull: [0.0; 6], unit: reach };
+        let reach = if (step as usize) < WIDE_ITERATIONS { 2.0 * reach } else { reach };
+        let mut system = RefinementSystem { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], length_scale: reach };
         let (mut moments, mut pairs) = (none, 0);
-        for (i, j, contact) in contacts([source, target], &settled.pose, reach, stride) {
-            let Contact { weight, place, offset, .. } = contact;
-            system.add(weight, place, contact.normal(), offset);
-            moments.add_pair(weight, source.place(i), target.place(j));
+        for (i, j, contact) in surface_pairs([source, target], &settled.pose, reach, stride) {
+            let SurfacePair { weight, point: place, residual: offset, .. } = contact;
+            system.add(weight, place, contact.mean_normal(), offset);
+            moments.add_pair(weight, source.point(i), target.point(j));
             pairs += 1;
         }
-        if pairs < LEAST {
+        if pairs < MIN_PAIRS {
             break;
         }
-        let Some(factor) = cholesky::factor(&system.curvature) else { break };
-        let [a, b, c, x, y, z] = cholesky::solve(&factor, &system.pull);
+        let Some(factor) = cholesky::factor(&system.hessian) else { break };
+        let [a, b, c, x, y, z] = cholesky::solve(&factor, &system.gradient);
         let shift = math::scaled([x, y, z], reach);
         let turn = Transform::from_rotation_vector([a, b, c]);
         let moved = Transform { translation: shift, ..turn };
         let center = math::scaled(moments.source_sum, 1.0 / moments.weight);
         let Ok(pose) = prior.nearest(&moved.after(&settled.pose), center) else { break };
-        settled = Settled { pose, moments, steps: step + 1 };
+        settled = Refined { pose, moments, iterations: step + 1 };
         if math::norm([a, b, c]) < 0.01 * rest && math::norm(shift) < rest * reach {
             break;
         }
@@ -79,81 +79,81 @@ pub(super) fn settle(
 }
 
 /// Points of the source that lie on the target under `pose`: their rows, and the contact.
-pub(super) fn contacts<'a>(
+pub(super) fn surface_pairs<'a>(
     [source, target]: [&'a Surface; 2],
     pose: &'a Transform,
     reach: f64,
     stride: usize,
-) -> impl Iterator<Item = (usize, usize, Contact)> + 'a {
+) -> impl Iterator<Item = (usize, usize, SurfacePair)> + 'a {
     (0..source.len()).step_by(stride).filter_map(move |i| {
-        let place = pose.apply(source.place(i));
+        let place = pose.apply(source.point(i));
         let near = target.nearest(place)?;
         let far = f64::from(near.squared_distance) / (reach * reach);
         let j = near.index as usize;
         let normals = [pose.rotate(source.normal(i)), target.normal(j)];
         let facing = math::dot(normals[0], normals[1]).abs();
-        if far >= 1.0 || facing < ALIKE {
+        if far >= 1.0 || facing < MIN_NORMAL_COSINE {
             return None;
         }
         let weight = facing * (1.0 - far) * (1.0 - far) * source.weight(i) * target.weight(j);
         if weight <= 0.0 {
             return None;
         }
-        let offset = math::sub(place, target.place(j));
-        Some((i, j, Contact { weight, place, offset, normals }))
+        let offset = math::sub(place, target.point(j));
+        Some((i, j, SurfacePair { weight, point: place, residual: offset, normals }))
     })
 }
 
 /// How far a settled `pose` may be off, if it is the right one.
-pub(super) fn covariance(
+pub(super) fn estimate_covariance(
     ends: [&Surface; 2],
     pose: &Transform,
     reach: f64,
     length: f64,
 ) -> Option<PoseCovariance> {
-    let under = |pose: &Transform, most: usize| -> Vec<Contact> {
+    let under = |pose: &Transform, most: usize| -> Vec<SurfacePair> {
         let stride = ends[0].len().div_ceil(most).max(1);
-        contacts(ends, pose, reach, stride).map(|(.., contact)| contact).collect()
+        surface_pairs(ends, pose, reach, stride).map(|(.., contact)| contact).collect()
     };
-    PoseCovariance::of(under, pose, ends[1].origin, length)
+    PoseCovariance::estimate(under, pose, ends[1].origin, length)
 }
 
 /// Normal equations of a motion: a rotation vector, and a translation in units.
-struct System {
-    curvature: Mat6,
-    pull: Vec6,
-    unit: f64,
+struct RefinementSystem {
+    hessian: Mat6,
+    gradient: Vec6,
+    length_scale: f64,
 }
 
-impl System {
+impl RefinementSystem {
     fn add(&mut self, weight: f64, place: Vec3, normal: Vec3, off: Vec3) {
-        self.add_along(weight, place, normal, math::dot(normal, off));
+        self.add_direction(weight, place, normal, math::dot(normal, off));
         for axis in 0..3 {
             let mut direction = [0.0; 3];
             direction[axis] = 1.0;
-            self.add_along(ALONG * weight, place, direction, off[axis]);
+            self.add_direction(TANGENTIAL_WEIGHT * weight, place, direction, off[axis]);
         }
     }
 
-    fn add_along(&mut self, weight: f64, place: Vec3, direction: Vec3, off: f64) {
+    fn add_direction(&mut self, weight: f64, place: Vec3, direction: Vec3, off: f64) {
         let [a, b, c] = math::cross(place, direction);
-        let [x, y, z] = math::scaled(direction, self.unit);
+        let [x, y, z] = math::scaled(direction, self.length_scale);
         let row = [a, b, c, x, y, z];
         for u in 0..6 {
-            self.pull[u] -= weight * row[u] * off;
-            (0..6).for_each(|v| self.curvature[u][v] += weight * row[u] * row[v]);
+            self.gradient[u] -= weight * row[u] * off;
+            (0..6).for_each(|v| self.hessian[u][v] += weight * row[u] * row[v]);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::scan::{Scan, View};
-    use super::super::whole::Whole;
+    use super::super::scan::{Scan, ViewpointHypothesis};
+    use super::super::filtered_cloud::FilteredCloud;
     use super::*;
     use crate::cloud::PointCloud;
 
-    const WHOLE: Effort = Effort { most: usize::MAX, steps: 100, rest: 1e-4 };
+    const FULL_REFINEMENT: RefineOptions = RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
 
     #[test]
     fn a_pose_near_the_surfaces_settles_on_them() {
@@ -166,8 +166,8 @@ mod tests {
         };
         let (source, target) = (bumps(0.0), bumps(0.4));
         let surface = |cloud: &PointCloud| {
-            let whole = Whole::of(cloud.into(), true, false).unwrap();
-            Scan::new(whole, 1.0, &[], "it").unwrap().surface(View::Outward).unwrap()
+            let whole = FilteredCloud::new(cloud.into(), true, false).unwrap();
+            Scan::new(whole, 1.0, &[], "it").unwrap().surface(ViewpointHypothesis::Outward).unwrap()
         };
         let (source, target) = (surface(&source), surface(&target));
         let ends = [&*source, &*target];
@@ -178,14 +178,14 @@ mod tests {
         };
         let turn = Transform::from_rotation_vector([0.02, -0.01, 0.02]);
         let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
-        let settled = settle(ends, &start, 1.5, WHOLE, &Prior::default());
+        let settled = refine(ends, &start, 1.5, FULL_REFINEMENT, &Prior::default());
         let off = truth.after(&settled.pose.inverse());
         // A part of the spacing of 1, at which both sample the bumps.
         assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.2, "{off:?}");
-        assert!(settled.moments.weight > 100.0 && settled.steps > 2);
+        assert!(settled.moments.weight > 100.0 && settled.iterations > 2);
         // From far away nothing is paired: the pose stays.
         let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
-        let stays = settle(ends, &far, 1.5, WHOLE, &Prior::default());
-        assert_eq!((stays.pose, stays.steps), (far, 0));
+        let stays = refine(ends, &far, 1.5, FULL_REFINEMENT, &Prior::default());
+        assert_eq!((stays.pose, stays.iterations), (far, 0));
     }
 }

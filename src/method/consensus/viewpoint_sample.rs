@@ -9,22 +9,22 @@ use crate::search::{Neighborhood, Neighbors};
 use crate::visibility::Sight;
 
 /// Points on which a viewpoint is sought.
-const SIGHTED: usize = 1500;
+const MAX_VIEWPOINT_POINTS: usize = 1500;
 
 /// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
-pub(super) struct Glance {
+pub(super) struct ViewpointSample {
     points: Vec<[f32; 3]>,
     /// Of either sign.
     normals: Vec<[f32; 3]>,
     /// From each point to the mean of its neighbours.
-    pub(super) toward: Vec<Vec3>,
+    pub(super) neighborhood_offsets: Vec<Vec3>,
     spacing: f64,
 }
 
-impl Glance {
+impl ViewpointSample {
     /// Looks at a cloud that is thinned to `length`.
-    pub(super) fn at(thin: &PointCloud, length: f64) -> Result<Self> {
-        let side = filter::voxel_side(thin, SIGHTED)?;
+    pub(super) fn new(thin: &PointCloud, length: f64) -> Result<Self> {
+        let side = filter::voxel_side(thin, MAX_VIEWPOINT_POINTS)?;
         let few = match side > length {
             true => filter::voxel_grid(thin, side)?,
             false => thin.clone(),
@@ -40,8 +40,8 @@ impl Glance {
             let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, places[j as usize]));
             math::sub(math::scaled(sum, 1.0 / near.len() as f64), places[i])
         });
-        Ok(Glance {
-            toward: toward.collect(),
+        Ok(ViewpointSample {
+            neighborhood_offsets: toward.collect(),
             points: places.iter().map(|p| p.map(|x| x as f32)).collect(),
             normals,
             spacing: side.max(length),
@@ -52,7 +52,7 @@ impl Glance {
         self.points.len() * (2 * 3 * 4 + 3 * 8)
     }
 
-    pub(super) fn sight(&self) -> Sight<'_> {
+    pub(super) fn oriented_sample(&self) -> Sight<'_> {
         Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
 }

@@ -1,11 +1,11 @@
 //! The verdict on a pose, whoever found it, beside all poses that were tried.
 
-use super::evidence::Evidence;
-use super::scan::REACH;
-use super::settle::settle;
-use super::standing::Standing;
+use super::evidence::PoseEvidence;
+use super::scan::INLIER_DISTANCE;
+use super::refine::refine;
+use super::confidence::Confidence;
 use super::{
-    ANSWER, Candidate, Consensus, LOOK, NEAR, OTHER, Search, apart, corners, global, local,
+    FINE_REFINEMENT, LocalScoredPose, Consensus, COARSE_REFINEMENT, MAX_REFINE_SHIFT, DISTINCT_POSE, ConsensusSearch, mean_displacement, probe_points, to_cloud_frames, to_local_frames,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -41,17 +41,17 @@ impl Consensus {
     /// assert!(wrong.runner_up.unwrap().transform.angle() < 0.03);
     /// # Ok::<(), cfreg::Error>(())
     /// ```
-    pub fn judge(
+    pub fn verify(
         &self,
         source: &PointCloud,
         target: &PointCloud,
         pose: &Transform,
     ) -> Result<Verdict> {
-        self.judge_cached(source.into(), target.into(), pose)
+        self.verify_cached(source.into(), target.into(), pose)
     }
 
     /// The same of clouds of many pairs.
-    pub(in crate::method) fn judge_cached(
+    pub(in crate::method) fn verify_cached(
         &self,
         source: Cached<'_>,
         target: Cached<'_>,
@@ -65,8 +65,8 @@ impl Consensus {
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.search_whole(source, target, times)?;
-            Ok::<_, Error>(search.without_carriers(&rigid, times).verify(&rigid))
+            let search = self.filter_and_search(source, target, times)?;
+            Ok::<_, Error>(search.remove_ego_vehicle(&rigid, times).verify(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {
             other.transform.scale = pose.scale;
@@ -75,18 +75,18 @@ impl Consensus {
     }
 }
 
-impl Search<'_> {
+impl ConsensusSearch<'_> {
     /// The verdict on a pose between the clouds' own frames.
     pub(in crate::method) fn verify(&self, pose: &Transform) -> Verdict {
-        let best = &self.attempts[self.best];
-        let (ends, matches) = (best.ends(), &best.matches);
-        let corners = corners(ends[0]);
-        let pose = local(pose, ends[0], ends[1]);
-        let settled = settle(ends, &pose, REACH * self.length, ANSWER, &self.config.prior).pose;
-        let away = apart(&settled, &pose, &corners);
-        let held = if away <= NEAR * self.length { settled } else { pose };
-        let evidence = Evidence::of(ends, matches, &held, LOOK.most);
-        let mut verdict = self.verdict(&held, evidence, self.covariance(&held));
+        let best = &self.trials[self.best_trial];
+        let (ends, matches) = (best.surface_refs(), &best.correspondences);
+        let corners = probe_points(ends[0]);
+        let pose = to_local_frames(pose, ends[0], ends[1]);
+        let settled = refine(ends, &pose, INLIER_DISTANCE * self.voxel_size, FINE_REFINEMENT, &self.config.prior).pose;
+        let away = mean_displacement(&settled, &pose, &corners);
+        let held = if away <= MAX_REFINE_SHIFT * self.voxel_size { settled } else { pose };
+        let evidence = PoseEvidence::compute(ends, matches, &held, COARSE_REFINEMENT.max_points);
+        let mut verdict = self.build_verdict(&held, evidence, self.covariance(&held));
         let degrees = settled.after(&pose.inverse()).angle().to_degrees();
         verdict.reasons.push(format!(
             "the surfaces settle {degrees:.2} degrees away, {away:.3e} in the mean of their points"
@@ -95,71 +95,71 @@ impl Search<'_> {
     }
 
     /// On a pose between the local frames, for which `evidence` speaks.
-    pub(super) fn verdict(
+    pub(super) fn build_verdict(
         &self,
         pose: &Transform,
-        evidence: Evidence,
+        evidence: PoseEvidence,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let standing = self.standing(pose, evidence, covariance.as_ref());
+        let standing = self.compute_confidence(pose, evidence, covariance.as_ref());
         let mut reasons = vec![
             format!(
                 "{:.0} % of a surface lies on the other and faces alike",
                 100.0 * evidence.overlap
             ),
-            format!("surfaces that lie on each other look alike by {:.2} nats", evidence.likeness),
-            format!("{:.1} matches agree", evidence.support),
-            format!("{} of the poses that were settled are this one", standing.votes),
+            format!("surfaces that lie on each other look alike by {:.2} nats", evidence.descriptor_distinctiveness),
+            format!("{:.1} matches agree", evidence.inlier_score),
+            format!("{} of the poses that were settled are this one", standing.supporting_hypotheses),
         ];
-        if let Some(share) = evidence.contradicted {
+        if let Some(share) = evidence.free_space_violation {
             let percent = 100.0 * share;
             reasons.push(format!("{percent:.1} % stand where a sensor looked through"));
         }
-        if let Some(loose) = covariance.as_ref().map(|it| it.undetermined.len()).filter(|&n| n > 0)
+        if let Some(loose) = covariance.as_ref().map(|it| it.unobservable.len()).filter(|&n| n > 0)
         {
             reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
         }
         for (scan, name) in self.scans.iter().zip(["source", "target"]) {
-            if let Some(limit) = scan.whole().limit() {
+            if let Some(limit) = scan.filtered_cloud().range_limit() {
                 let (points, range) = (limit.points, limit.range);
                 let rest = "at the limit of its sensor's range, are left out (range_limit=false \
                             keeps them)";
                 reasons.push(format!("{points} points of the {name} {range:.1} away, {rest}"));
             }
-            if scan.whole().nearest() > 0.0 {
-                let nearest = scan.whole().nearest();
+            if scan.filtered_cloud().min_range() > 0.0 {
+                let nearest = scan.filtered_cloud().min_range();
                 reasons.push(format!(
                     "what of the {name} is within {nearest:.3e} of its sensor, and may travel \
                      with it, is left out: sensor lies on sensor"
                 ));
             }
         }
-        let runner_up = self.runner_up(pose, &standing);
+        let runner_up = self.find_runner_up(pose, &standing);
         let told = standing.probability();
         let verdict = Verdict::new(told, evidence.overlap, reasons, runner_up, covariance);
         if verdict.decision == Decision::Accept
-            && let Some(other) = self.other_scale(pose, &evidence)
+            && let Some(other) = self.find_scale_mismatch(pose, &evidence)
         {
-            return verdict.of_two_scales(other.scale, other.overlap);
+            return verdict.with_scale_mismatch(other.scale, other.overlap);
         }
         verdict
     }
 
     /// The most probable pose that is another than `pose`, of all that was tried; held as
     /// well as that is.
-    fn runner_up(&self, pose: &Transform, standing: &Standing) -> Option<RunnerUp> {
-        let [from, onto] = &self.attempts[self.best].surfaces;
-        let corners = corners(from);
-        let answer = Candidate { pose: self.settled.pose, evidence: self.evidence };
-        let all = self.attempts.iter().flat_map(|attempt| &attempt.candidates);
+    fn find_runner_up(&self, pose: &Transform, standing: &Confidence) -> Option<RunnerUp> {
+        let [from, onto] = &self.trials[self.best_trial].surfaces;
+        let corners = probe_points(from);
+        let answer = LocalScoredPose { pose: self.refined.pose, evidence: self.evidence };
+        let all = self.trials.iter().flat_map(|attempt| &attempt.candidates);
         all.chain([&answer])
-            .filter(|other| apart(&other.pose, pose, &corners) > OTHER * self.length)
+            .filter(|other| mean_displacement(&other.pose, pose, &corners) > DISTINCT_POSE * self.voxel_size)
             .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
             .map(|other| {
-                let votes = self.votes(&other.pose);
-                let standing = Standing { evidence: other.evidence, votes, ..*standing };
+                let votes = self.count_supporting_hypotheses(&other.pose);
+                let standing = Confidence { evidence: other.evidence, supporting_hypotheses: votes, ..*standing };
                 RunnerUp {
-                    transform: global(&other.pose, from, onto),
+                    transform: to_cloud_frames(&other.pose, from, onto),
                     probability: standing.probability(),
                 }
             })

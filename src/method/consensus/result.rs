@@ -1,36 +1,36 @@
 //! What came out best, with the verdict on it.
 
 use super::scan::{Scan, Surface};
-use super::{Search, global};
+use super::{ConsensusSearch, to_cloud_frames};
 use crate::error::Result;
 use crate::method::registration::{Counts, Found, PointCounts, Timings};
 use crate::method::{Method, Registration, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
 
-impl Search<'_> {
+impl ConsensusSearch<'_> {
     /// The registration by the best pose, with its verdict; seconds are added to `times`.
-    pub(in crate::method) fn registration(&self, mut times: Timings) -> Result<Registration> {
-        let best = &self.attempts[self.best];
-        let (settled, [from, onto]) = (self.settled, &best.surfaces);
+    pub(in crate::method) fn to_registration(&self, mut times: Timings) -> Result<Registration> {
+        let best = &self.trials[self.best_trial];
+        let (settled, [from, onto]) = (self.refined, &best.surfaces);
         let covariance = times.time("covariance", || self.covariance(&settled.pose));
-        let verdict = self.verdict(&settled.pose, self.evidence, covariance);
+        let verdict = self.build_verdict(&settled.pose, self.evidence, covariance);
         let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
-            dropped: scan.whole().cloud().dropped(),
-            no_returns: scan.whole().cloud().no_returns(),
-            used: scan.whole().cloud().len(),
+            dropped: scan.filtered_cloud().cloud().dropped(),
+            no_returns: scan.filtered_cloud().cloud().no_returns(),
+            used: scan.filtered_cloud().cloud().len(),
             keypoints: None,
             described: surface.len(),
-            neighbors: Some(scan.neighbors()),
+            neighbors: Some(scan.descriptor_neighbors()),
             oriented_by: Some(surface.oriented_by),
         };
         let [source, target] = &self.scans;
         let solution = pose::solve(&settled.moments, Solver::Arun, ScaleEstimate::Fixed);
         let found = Found {
-            transform: global(&settled.pose, from, onto),
+            transform: to_cloud_frames(&settled.pose, from, onto),
             moments: settled.moments,
             singular_values: solution.map_or([0.0; 3], |solution| solution.singular_values),
             connections: from.len() as u64 * onto.len() as u64,
-            iterations: settled.steps,
+            iterations: settled.iterations,
             stop: StopReason::PoseSettled,
             trace: Vec::new(),
             points: PointCounts { source: counts(source, from), target: counts(target, onto) },

@@ -12,85 +12,85 @@ use crate::visibility::RangeLimit;
 
 /// A cloud but for returns at the limit of its sensor's range and what travels with the sensor.
 #[derive(Clone)]
-pub(super) struct Whole<'a> {
+pub(super) struct FilteredCloud<'a> {
     cloud: &'a PointCloud,
-    part: Arc<Part>,
+    filtered: Arc<FilteredPoints>,
 }
 
 /// What is left of a cloud.
-struct Part {
+struct FilteredPoints {
     /// `None`: all of it, as it is.
     cloud: Option<PointCloud>,
-    limit: Option<RangeLimit>,
-    nearest: f64,
+    range_limit: Option<RangeLimit>,
+    min_range: f64,
     /// Of what is made of it.
     cache: Cache,
 }
 
 /// Keys of what is made of a cloud alone.
 #[derive(PartialEq)]
-struct InRange {
+struct FilterKey {
     limited: bool,
     keep_no_returns: bool,
 }
 #[derive(PartialEq)]
-struct Side(usize);
+struct VoxelSizeKey(usize);
 
-impl<'a> Whole<'a> {
+impl<'a> FilteredCloud<'a> {
     /// Leaves out marks of missing returns, unless they are to be kept, and makes one point of
     /// rows that share a place. Looks, if it is `limited`, for a limit about the sensor's place:
     /// what the cloud says or, where it says nothing, the origin of its frame, or wherever such
     /// returns lie about.
-    pub(super) fn of(whole: Cached<'a>, limited: bool, keep_no_returns: bool) -> Result<Self> {
-        let key = InRange { limited, keep_no_returns };
-        let part = whole.get(key, || Part::within(whole.cloud, limited, keep_no_returns))?;
-        Ok(Whole { cloud: whole.cloud, part })
+    pub(super) fn new(whole: Cached<'a>, limited: bool, keep_no_returns: bool) -> Result<Self> {
+        let key = FilterKey { limited, keep_no_returns };
+        let part = whole.get(key, || FilteredPoints::new(whole.cloud, limited, keep_no_returns))?;
+        Ok(FilteredCloud { cloud: whole.cloud, filtered: part })
     }
 
     pub(super) fn cloud(&self) -> &PointCloud {
-        self.part.cloud.as_ref().unwrap_or(self.cloud)
+        self.filtered.cloud.as_ref().unwrap_or(self.cloud)
     }
 
     /// Where returns at the limit of the sensor's range were, which are left out.
-    pub(super) fn limit(&self) -> Option<&RangeLimit> {
-        self.part.limit.as_ref()
+    pub(super) fn range_limit(&self) -> Option<&RangeLimit> {
+        self.filtered.range_limit.as_ref()
     }
 
     /// Distance from the sensor below which all is left out; 0 for nothing.
-    pub(super) fn nearest(&self) -> f64 {
-        self.part.nearest
+    pub(super) fn min_range(&self) -> f64 {
+        self.filtered.min_range
     }
 
     /// With what was made of it.
     pub(super) fn cached(&self) -> Cached<'_> {
-        Cached { cloud: self.cloud(), cache: Some(&self.part.cache) }
+        Cached { cloud: self.cloud(), cache: Some(&self.filtered.cache) }
     }
 
     /// [`filter::voxel_side`] of so many points.
-    pub(super) fn voxel_side(&self, points: usize) -> Result<f64> {
+    pub(super) fn voxel_size_for(&self, points: usize) -> Result<f64> {
         let side = || filter::voxel_side(self.cloud(), points);
-        self.cached().get(Side(points), side).map(|side| *side)
+        self.cached().get(VoxelSizeKey(points), side).map(|side| *side)
     }
 
     /// What is at least `nearest` away from the sensor at `place`.
-    pub(super) fn beyond(&self, place: Vec3, nearest: f64) -> Self {
+    pub(super) fn crop_near(&self, place: Vec3, nearest: f64) -> Self {
         let cloud = self.cloud();
         let far = |&i: &usize| math::norm(math::sub(cloud.position(i), place)) >= nearest;
         let far: Vec<usize> = (0..cloud.len()).filter(far).collect();
         let cloud = Some(cloud.select(&far));
-        let part = Part { cloud, limit: self.part.limit, nearest, cache: Cache::default() };
-        Whole { cloud: self.cloud, part: part.into() }
+        let part = FilteredPoints { cloud, range_limit: self.filtered.range_limit, min_range: nearest, cache: Cache::default() };
+        FilteredCloud { cloud: self.cloud, filtered: part.into() }
     }
 }
 
-impl Keep for Part {
+impl Keep for FilteredPoints {
     fn bytes(&self) -> usize {
         self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
     }
 }
 
-impl Part {
-    fn within(all: &PointCloud, limited: bool, keep_no_returns: bool) -> Result<Self> {
+impl FilteredPoints {
+    fn new(all: &PointCloud, limited: bool, keep_no_returns: bool) -> Result<Self> {
         let clean = clean::points(all, keep_no_returns)?;
         let cloud = clean.as_ref().unwrap_or(all);
         // Marks of missing returns are not at the limit of a range, though they are kept.
@@ -103,6 +103,6 @@ impl Part {
                 .or_else(|| RangeLimit::find(returns)),
         };
         let within = limit.as_ref().map(|limit| limit.within(cloud));
-        Ok(Part { cloud: within.or(clean), limit, nearest: 0.0, cache: Cache::default() })
+        Ok(FilteredPoints { cloud: within.or(clean), range_limit: limit, min_range: 0.0, cache: Cache::default() })
     }
 }

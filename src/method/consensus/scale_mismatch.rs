@@ -1,57 +1,57 @@
 //! Whether two surfaces have one scale: a rigid pose of clouds in two units is no answer.
 
-use super::LOOK;
-use super::Search;
-use super::evidence::Evidence;
-use super::scan::{REACH, Surface};
-use super::settle::contacts;
+use super::COARSE_REFINEMENT;
+use super::ConsensusSearch;
+use super::evidence::PoseEvidence;
+use super::scan::{INLIER_DISTANCE, Surface};
+use super::refine::surface_pairs;
 use crate::cloud::Transform;
 use crate::math::cholesky;
 use crate::math::{self, Vec3};
 
 /// Steps that are taken.
-const STEPS: usize = 30;
+const ITERATIONS: usize = 30;
 /// Points of the source that are looked at.
-const POINTS: usize = 2000;
+const MAX_POINTS: usize = 2000;
 /// Pairs below which nothing is solved.
-const LEAST: usize = 30;
+const MIN_PAIRS: usize = 30;
 /// Weight of the distance along the surface beside that across it.
-const ALONG: f64 = 0.05;
+const TANGENTIAL_WEIGHT: f64 = 0.05;
 /// A scale that is nearer to 1 is a sensor's, not a unit's.
-const NEAR: f64 = 0.02;
+const MIN_SCALE_CHANGE: f64 = 0.02;
 /// How much more of the surfaces lies on each other at another scale, from which on it is told.
 /// Of 135 right poses of real pairs 14 settle on a scale farther than [`NEAR`], and gain 0.04 at
 /// most; where the scale is off by 5 % it is 0.07 to 0.24.
-const GAIN: f64 = 0.05;
+const MIN_OVERLAP_GAIN: f64 = 0.05;
 
 /// A scale at which more of the surfaces lies on each other than as they are.
-pub(super) struct OtherScale {
+pub(super) struct ScaleMismatch {
     /// Of the source.
     pub(super) scale: f64,
     pub(super) overlap: f64,
 }
 
-impl Search<'_> {
+impl ConsensusSearch<'_> {
     /// The scale that the surfaces settle on from `pose` if they may, where that is another.
-    pub(super) fn other_scale(&self, pose: &Transform, evidence: &Evidence) -> Option<OtherScale> {
-        let best = &self.attempts[self.best];
-        let ends = best.ends();
-        let scaled = settle(ends, pose, REACH * self.length)?;
-        let overlap = Evidence::of(ends, &best.matches, &scaled, LOOK.most).overlap;
-        let other = (scaled.scale - 1.0).abs() > NEAR && overlap > evidence.overlap + GAIN;
-        other.then_some(OtherScale { scale: scaled.scale, overlap })
+    pub(super) fn find_scale_mismatch(&self, pose: &Transform, evidence: &PoseEvidence) -> Option<ScaleMismatch> {
+        let best = &self.trials[self.best_trial];
+        let ends = best.surface_refs();
+        let scaled = refine_with_scale(ends, pose, INLIER_DISTANCE * self.voxel_size)?;
+        let overlap = PoseEvidence::compute(ends, &best.correspondences, &scaled, COARSE_REFINEMENT.max_points).overlap;
+        let other = (scaled.scale - 1.0).abs() > MIN_SCALE_CHANGE && overlap > evidence.overlap + MIN_OVERLAP_GAIN;
+        other.then_some(ScaleMismatch { scale: scaled.scale, overlap })
     }
 }
 
 /// `pose` with the scale, and the turn and shift that go with it, at which the contacts rest.
-fn settle(ends: [&Surface; 2], pose: &Transform, reach: f64) -> Option<Transform> {
-    let stride = ends[0].len().div_ceil(POINTS).max(1);
+fn refine_with_scale(ends: [&Surface; 2], pose: &Transform, reach: f64) -> Option<Transform> {
+    let stride = ends[0].len().div_ceil(MAX_POINTS).max(1);
     let mut pose = *pose;
-    for _ in 0..STEPS {
-        let pairs: Vec<(f64, Vec3, Vec3, Vec3)> = contacts(ends, &pose, reach, stride)
-            .map(|(.., it)| (it.weight, it.place, it.normal(), it.offset))
+    for _ in 0..ITERATIONS {
+        let pairs: Vec<(f64, Vec3, Vec3, Vec3)> = surface_pairs(ends, &pose, reach, stride)
+            .map(|(.., it)| (it.weight, it.point, it.mean_normal(), it.residual))
             .collect();
-        if pairs.len() < LEAST {
+        if pairs.len() < MIN_PAIRS {
             return None;
         }
         let sum = pairs.iter().fold([0.0; 3], |sum, pair| math::add(sum, pair.1));
@@ -72,7 +72,7 @@ fn settle(ends: [&Surface; 2], pose: &Transform, reach: f64) -> Option<Transform
             for axis in 0..3 {
                 let mut direction = [0.0; 3];
                 direction[axis] = 1.0;
-                add(ALONG * weight, arm, direction, offset[axis]);
+                add(TANGENTIAL_WEIGHT * weight, arm, direction, offset[axis]);
             }
         }
         let [a, b, c, x, y, z, growth] = cholesky::solve(&cholesky::factor(&curvature)?, &pull);

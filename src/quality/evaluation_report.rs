@@ -2,18 +2,18 @@
 
 use serde::Serialize;
 
-use super::{Evaluation, TruthError, default_distance, evaluate, truth_error};
+use super::{Evaluation, PoseError, default_distance, evaluate, pose_error};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 
 /// What can be said of a pose: how the clouds lie under it, and how far it is from the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Judgement {
+pub struct EvaluationReport {
     /// How the clouds lie on each other.
     #[serde(flatten)]
     pub evaluation: Evaluation,
     /// The error, where the truth is known.
-    pub truth: Option<TruthError>,
+    pub truth: Option<PoseError>,
 }
 
 /// Judges `transform`, which moves `source` onto `target`.
@@ -32,17 +32,17 @@ pub struct Judgement {
 /// assert_eq!((judged.evaluation.fitness, judged.truth.unwrap().rotation_deg), (1.0, 0.0));
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub fn judge(
+pub fn evaluate_with_truth(
     source: &PointCloud,
     target: &PointCloud,
     transform: &Transform,
     max_distance: Option<f64>,
     truth: Option<&Transform>,
-) -> Result<Judgement> {
+) -> Result<EvaluationReport> {
     let usual = || default_distance(source, target, transform.scale);
     let distance = max_distance.map_or_else(usual, Ok)?;
-    Ok(Judgement {
+    Ok(EvaluationReport {
         evaluation: evaluate(source, target, transform, distance)?,
-        truth: truth.map(|truth| truth_error(transform, truth, source.centroid())),
+        truth: truth.map(|truth| pose_error(transform, truth, source.centroid())),
     })
 }

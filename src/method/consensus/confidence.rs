@@ -1,26 +1,26 @@
 //! How an answer stands: what speaks for it, how many poses came to it, how well it is held.
 
-use super::evidence::Evidence;
-use super::scan::REACH;
-use super::settle;
-use super::{SAME, Search, apart, corners};
+use super::evidence::PoseEvidence;
+use super::scan::INLIER_DISTANCE;
+use super::refine;
+use super::{DUPLICATE_POSE, ConsensusSearch, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::quality::PoseCovariance;
 
 /// Bounds of [`Standing::spread`]: better than the first or worse than the second tells no more.
-const SPREAD: [f64; 2] = [0.02, 10.0];
+const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
 
 /// What the probability of a pose is made of.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Standing {
-    pub(super) evidence: Evidence,
+pub(super) struct Confidence {
+    pub(super) evidence: PoseEvidence,
     /// Settled poses, of all that was tried, that are this one.
-    pub(super) votes: usize,
+    pub(super) supporting_hypotheses: usize,
     /// Standard deviation of its shift, in lengths; the upper bound where nothing tells it.
-    pub(super) spread: f64,
+    pub(super) translation_std: f64,
 }
 
-impl Standing {
+impl Confidence {
     /// The logarithm of the odds that an answer is right.
     ///
     /// [`Evidence::log_odds`] ranks the poses of a pair; chance has a best one for every pair, on
@@ -28,7 +28,7 @@ impl Standing {
     /// pairs, 470 of which have nothing in common, with the sensors' places known and not
     /// (`python-ref/verdict.sh`).
     pub(super) fn log_odds(&self) -> f64 {
-        let (votes, spread) = ((self.votes as f64).ln_1p(), self.spread.ln());
+        let (votes, spread) = ((self.supporting_hypotheses as f64).ln_1p(), self.translation_std.ln());
         -2.67 + 0.70 * self.evidence.log_odds() + 1.43 * votes - 0.74 * spread
     }
 
@@ -38,33 +38,33 @@ impl Standing {
     }
 }
 
-impl Search<'_> {
+impl ConsensusSearch<'_> {
     /// Of `pose`, for which `evidence` speaks.
-    pub(super) fn standing(
+    pub(super) fn compute_confidence(
         &self,
         pose: &Transform,
-        evidence: Evidence,
+        evidence: PoseEvidence,
         covariance: Option<&PoseCovariance>,
-    ) -> Standing {
-        let [least, most] = SPREAD;
+    ) -> Confidence {
+        let [least, most] = TRANSLATION_STD_RANGE;
         let shift = |known: &PoseCovariance| {
             let variance: f64 = (3..6).map(|i| known.matrix[i][i]).sum();
-            (variance.sqrt() / self.length).clamp(least, most)
+            (variance.sqrt() / self.voxel_size).clamp(least, most)
         };
-        Standing { evidence, votes: self.votes(pose), spread: covariance.map_or(most, shift) }
+        Confidence { evidence, supporting_hypotheses: self.count_supporting_hypotheses(pose), translation_std: covariance.map_or(most, shift) }
     }
 
     /// Settled poses that are `pose`.
-    pub(super) fn votes(&self, pose: &Transform) -> usize {
-        let corners = corners(&self.attempts[self.best].surfaces[0]);
-        let all = self.attempts.iter().flat_map(|attempt| &attempt.candidates);
-        all.filter(|other| apart(&other.pose, pose, &corners) <= SAME * self.length).count()
+    pub(super) fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
+        let corners = probe_points(&self.trials[self.best_trial].surfaces[0]);
+        let all = self.trials.iter().flat_map(|attempt| &attempt.candidates);
+        all.filter(|other| mean_displacement(&other.pose, pose, &corners) <= DUPLICATE_POSE * self.voxel_size).count()
     }
 
     /// How far `pose` may be off, if it is the right one.
     pub(super) fn covariance(&self, pose: &Transform) -> Option<PoseCovariance> {
-        let ends = self.attempts[self.best].ends();
-        settle::covariance(ends, pose, REACH * self.length, self.length)
+        let ends = self.trials[self.best_trial].surface_refs();
+        refine::estimate_covariance(ends, pose, INLIER_DISTANCE * self.voxel_size, self.voxel_size)
     }
 }
 
@@ -74,8 +74,8 @@ mod tests {
 
     #[test]
     fn votes_and_a_firm_hold_make_an_answer_more_probable() {
-        let evidence = Evidence { overlap: 0.3, likeness: 0.7, support: 9.0, contradicted: None };
-        let told = |votes, spread| Standing { evidence, votes, spread }.probability();
+        let evidence = PoseEvidence { overlap: 0.3, descriptor_distinctiveness: 0.7, inlier_score: 9.0, free_space_violation: None };
+        let told = |votes, spread| Confidence { evidence, supporting_hypotheses: votes, translation_std: spread }.probability();
         assert!(told(11, 0.3) > 0.7 && told(1, 8.0) < 0.3, "{} {}", told(11, 0.3), told(1, 8.0));
         assert!(told(2, 0.3) > told(1, 0.3) && told(2, 0.1) > told(2, 0.3));
     }

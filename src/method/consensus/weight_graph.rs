@@ -1,6 +1,6 @@
 //! The matches, and how they agree with a pose.
 
-use super::{Consensus, local};
+use super::{Consensus, to_local_frames};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::method::connections::Connections;
@@ -9,7 +9,7 @@ use crate::par;
 
 impl Consensus {
     /// The matches of the view of both clouds that the answer is from.
-    pub(in crate::method) fn connections(
+    pub(in crate::method) fn weight_graph(
         &self,
         source: &PointCloud,
         target: &PointCloud,
@@ -17,13 +17,13 @@ impl Consensus {
     ) -> Result<Connections> {
         par::with_threads(self.threads, || {
             let search = self.search(source.into(), target.into(), &mut Timings::default())?;
-            let attempt = &search.attempts[search.best];
+            let attempt = &search.trials[search.best_trial];
             let [from, onto] = &attempt.surfaces;
-            let ends = [from.described(), onto.described()];
-            let seen = local(pose, from, onto);
-            let agreement = attempt.matches.agreement(&seen);
-            let reach = attempt.matches.reach();
-            Connections::of_matches(ends, &attempt.matches.pairs, agreement, reach, pose)
+            let ends = [from.feature_view(), onto.feature_view()];
+            let seen = to_local_frames(pose, from, onto);
+            let agreement = attempt.correspondences.inlier_weights(&seen);
+            let reach = attempt.correspondences.inlier_distance();
+            Connections::of_matches(ends, &attempt.correspondences.pairs, agreement, reach, pose)
         })?
     }
 }

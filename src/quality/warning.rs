@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::evaluate::Evaluation;
-use super::verdict::{ACCEPT, AMBIGUOUS, Decision, Verdict};
+use super::verdict::{MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, Decision, Verdict};
 
 /// Agreement beyond chance below which a pose is doubted.
 ///
@@ -15,7 +15,7 @@ use super::verdict::{ACCEPT, AMBIGUOUS, Decision, Verdict};
 /// 0.18), none of 92 with 1,000 (0.26), and 3 of 104 with 500, where the inlier distance is
 /// coarse. The true poses reach 0.58 in the median, those that one step finds 0.33: doubt
 /// errs on the side of caution.
-pub const MIN_AGREEMENT: f64 = 0.3;
+pub const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.3;
 /// Agreement beyond chance below which a pose is doubted that was found by laying the
 /// clouds on each other, as ICP, CPD and their kin do: a wrong optimum of these agrees
 /// better than a wrong guess, and a right one nearly as well as can be.
@@ -26,24 +26,24 @@ pub const MIN_AGREEMENT: f64 = 0.3;
 /// (0.52), none of 244 with 2,000 (0.33). Right poses reach 0.7 in the median, and a fifth
 /// of them, of little overlap, stay below. A smaller run of the same is
 /// `cargo test --release --test it trust::wrong_optima -- --nocapture`.
-pub const MIN_AGREEMENT_BY_POSITION: f64 = 0.6;
+pub const MIN_CHANCE_CORRECTED_FITNESS_LOCAL: f64 = 0.6;
 /// Fitness of wrong rotations above which a pose without a verdict is doubted: agreement beyond
 /// chance tells little where chance is high.
 ///
 /// Of 72 real pairs of eight kinds, whole and of 1,000 points, none has more than 0.19 (`chance`
 /// of `cfreg register --json`); two samples of 200 points of `cfreg demo` have 0.45 to 0.66, of
 /// 500 points 0.28 to 0.48, and there wrong poses reach an agreement of 0.6 to 0.9.
-pub const MAX_CHANCE: f64 = 0.4;
+pub const MAX_CHANCE_FITNESS: f64 = 0.4;
 /// The same above which a verdict that accepts is ambiguous: a ball or a cube lies on itself
 /// however it is turned. Chosen by hand: two samples of 100 points of `cfreg demo`, told apart
 /// by their shape, reach 0.78; a ball laid out on the faces of a cube has 1.
-pub const MAX_CHANCE_VERIFIED: f64 = 0.9;
+pub const MAX_CHANCE_FITNESS_VERIFIED: f64 = 0.9;
 /// Second relative singular value below which a rotation is doubted: about one axis the
 /// weights then hardly tell one angle from another.
-pub const MIN_SINGULAR_VALUE: f64 = 1e-3;
+pub const MIN_SECOND_SINGULAR_VALUE: f64 = 1e-3;
 
 /// Third relative singular value below which the connected points count as flat.
-pub const FLAT: f64 = 1e-6;
+pub const MIN_THIRD_SINGULAR_VALUE: f64 = 1e-6;
 
 /// Keypoints of a cloud below which a pose is doubted: among fewer, a handful of wrong
 /// connections turns the answer.
@@ -53,9 +53,9 @@ pub const MIN_KEYPOINTS: usize = 10;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "ground", rename_all = "kebab-case")]
 #[non_exhaustive]
-pub enum Doubt {
+pub enum Warning {
     /// The clouds hardly lie on each other better than under a wrong rotation.
-    LowAgreement {
+    LowFitness {
         /// [`Evaluation::agreement`] of the pose.
         found: f64,
         /// [`MIN_AGREEMENT`] or [`MIN_AGREEMENT_BY_POSITION`].
@@ -63,7 +63,7 @@ pub enum Doubt {
     },
     /// Wrong rotations lay the clouds on each other nearly as well: they are small, round or
     /// filled, and agreement tells little.
-    HighChance {
+    HighChanceFitness {
         /// [`Evaluation::chance`].
         found: f64,
         /// [`MAX_CHANCE`], or with a verdict [`MAX_CHANCE_VERIFIED`].
@@ -96,7 +96,7 @@ pub enum Doubt {
     },
     /// The surfaces hardly hold the pose in one direction: planes, spheres and the like
     /// slide along themselves.
-    Slides {
+    Degenerate {
         /// Least hold of the paired surfaces relative to their mean.
         found: f64,
         /// What the method asks for.
@@ -131,12 +131,12 @@ pub enum Doubt {
         other: f64,
     },
     /// Nothing holds the pose along some motions: the surfaces that lie on each other slide.
-    Undetermined {
+    Unobservable {
         /// How many, of 6.
         motions: usize,
     },
     /// At another scale more of the source would lie on the target.
-    OtherScale {
+    ScaleMismatch {
         /// [`Verdict::other_scale`].
         scale: f64,
     },
@@ -150,121 +150,121 @@ pub enum Doubt {
 
 /// All grounds to doubt a pose with this evaluation and these relative singular values;
 /// `needed` is the least agreement.
-pub fn doubts(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Doubt> {
+pub fn find_warnings(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Warning> {
     let mut doubts = Vec::new();
-    let found = evaluation.agreement();
+    let found = evaluation.chance_corrected_fitness();
     if found.is_nan() || found < needed {
-        doubts.push(Doubt::LowAgreement { found, needed });
+        find_warnings.push(Warning::LowFitness { found, needed });
     }
     let found = singular_values[1];
-    if found.is_nan() || found < MIN_SINGULAR_VALUE {
-        doubts.push(Doubt::WeakRotation { found, needed: MIN_SINGULAR_VALUE });
+    if found.is_nan() || found < MIN_SECOND_SINGULAR_VALUE {
+        find_warnings.push(Warning::WeakRotation { found, needed: MIN_SECOND_SINGULAR_VALUE });
     }
     let found = singular_values[2];
-    if found < FLAT {
-        doubts.push(Doubt::Flat { found, needed: FLAT });
+    if found < MIN_THIRD_SINGULAR_VALUE {
+        find_warnings.push(Warning::Flat { found, needed: MIN_THIRD_SINGULAR_VALUE });
     }
-    doubts
+    find_warnings
 }
 
-impl Doubt {
+impl Warning {
     /// The grounds for doubt that a verdict is, unless it accepts.
-    pub fn of_verdict(verdict: &Verdict) -> Vec<Doubt> {
+    pub fn from_verdict(verdict: &Verdict) -> Vec<Warning> {
         let found = verdict.probability;
         let mut doubts = match (verdict.decision, verdict.runner_up) {
             (Decision::Accept, _) => return Vec::new(),
-            (Decision::Reject, _) => vec![Doubt::Improbable { found, needed: ACCEPT }],
-            (Decision::Ambiguous, Some(other)) if other.probability > AMBIGUOUS * found => {
-                vec![Doubt::Ambiguous { other: other.probability }]
+            (Decision::Reject, _) => vec![Warning::Improbable { found, needed: MIN_ACCEPTED_PROBABILITY }],
+            (Decision::Ambiguous, Some(other)) if other.probability > MIN_AMBIGUOUS_ODDS * found => {
+                vec![Warning::Ambiguous { other: other.probability }]
             }
             (Decision::Ambiguous, _) => Vec::new(),
         };
-        let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
+        let loose = verdict.covariance.as_ref().map_or(0, |known| known.unobservable.len());
         if loose > 0 {
-            doubts.push(Doubt::Undetermined { motions: loose });
+            find_warnings.push(Warning::Unobservable { motions: loose });
         }
-        doubts.extend(verdict.other_scale.map(|scale| Doubt::OtherScale { scale }));
-        doubts
+        find_warnings.extend(verdict.other_scale.map(|scale| Warning::ScaleMismatch { scale }));
+        find_warnings
     }
 }
 
-impl fmt::Display for Doubt {
+impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Doubt::LowAgreement { found, needed } => write!(
+            Warning::LowFitness { found, needed } => write!(
                 f,
                 "the clouds agree by {found:.2} beyond chance under this pose, {needed:.2} is \
                  needed: it is probably wrong, or the overlap is small"
             ),
-            Doubt::HighChance { found, most } => write!(
+            Warning::HighChanceFitness { found, most } => write!(
                 f,
                 "wrong rotations fit nearly as well (fitness by chance {found:.2}, at most \
                  {most:.2} is allowed): the clouds are small, round or filled"
             ),
-            Doubt::NotVerified => write!(
+            Warning::NotVerified => write!(
                 f,
                 "the pose could not be verified on the surfaces: the clouds have too few points \
                  or too little shape"
             ),
-            Doubt::NoViewpoint => write!(
+            Warning::NoViewpoint => write!(
                 f,
                 "no viewpoint is known, so normals point to the origin of the frame: if no sensor \
                  stood there, say where it did, or try orientation outward"
             ),
-            Doubt::WeakRotation { found, needed } => write!(
+            Warning::WeakRotation { found, needed } => write!(
                 f,
                 "the weights leave the rotation about one axis open: second singular value \
                  {found:.1e}, {needed:.1e} is needed"
             ),
-            Doubt::Flat { found, needed } => write!(
+            Warning::Flat { found, needed } => write!(
                 f,
                 "what is connected is flat, and slides and turns in its plane: third singular \
                  value {found:.1e}, {needed:.1e} is needed"
             ),
-            Doubt::Slides { found, needed } => write!(
+            Warning::Degenerate { found, needed } => write!(
                 f,
                 "the surfaces slide along each other in one direction: hold {found:.1e}, \
                  {needed:.1e} is needed"
             ),
-            Doubt::FewKeypoints { found, needed } => write!(
+            Warning::FewKeypoints { found, needed } => write!(
                 f,
                 "{found} keypoints in one of the clouds, {needed} are needed: take more points, \
                  lower the detector's thresholds, or register by cf"
             ),
-            Doubt::NotRefined => {
+            Warning::NotRefined => {
                 write!(f, "nothing lies near enough under this pose to refine it")
             }
-            Doubt::FewInliers { found, needed } => write!(
+            Warning::FewInliers { found, needed } => write!(
                 f,
                 "{found} matches agree with this pose, chance alone may bring together up to \
                  {needed}: the clouds may have nothing in common"
             ),
-            Doubt::Improbable { found, needed } => write!(
+            Warning::Improbable { found, needed } => write!(
                 f,
                 "the pose is right with probability {found:.3}, {needed} is needed: the clouds may \
                  have too little in common, or nothing"
             ),
-            Doubt::Ambiguous { other } => write!(
+            Warning::Ambiguous { other } => write!(
                 f,
                 "another pose is about as good (probability {other:.3}): the clouds are symmetric, \
                  or show the same shape more than once"
             ),
-            Doubt::Undetermined { motions } => write!(
+            Warning::Unobservable { motions } => write!(
                 f,
                 "nothing holds the pose along {motions} of 6 motions: along those the surfaces \
                  slide on each other, as planes and spheres do"
             ),
-            Doubt::OtherScale { scale } => write!(
+            Warning::ScaleMismatch { scale } => write!(
                 f,
                 "scaled by {scale:.3} the source would lie on the target better: bring both to \
                  one unit, and register them again"
             ),
-            Doubt::CliqueNotProved { found } => write!(
+            Warning::CliqueNotProved { found } => write!(
                 f,
                 "the search for consistent matches ended at its limit with {found}: there may be \
                  a larger set; allow more steps or lower the noise bound"
             ),
-            Doubt::NotConverged { iterations } => write!(
+            Warning::NotConverged { iterations } => write!(
                 f,
                 "not converged after {iterations} iterations: allow more, or start nearer"
             ),

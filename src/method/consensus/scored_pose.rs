@@ -1,8 +1,8 @@
 //! Every pose that was weighed before the answer, with its evidence: what the verdict is fitted on.
 
-use super::evidence::Evidence;
-use super::standing::Standing;
-use super::{Consensus, global};
+use super::evidence::PoseEvidence;
+use super::confidence::Confidence;
+use super::{Consensus, to_cloud_frames};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::method::registration::Timings;
@@ -10,36 +10,36 @@ use crate::par;
 
 /// A pose that [`Consensus`] judged, and what it had for and against it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judged {
+pub struct ScoredPose {
     /// Source into target frame.
     pub transform: Transform,
     /// Share of a surface that lies on the other and faces alike, in [0, 1].
     pub overlap: f64,
     /// How much more alike than chance the surfaces look there, nats a point.
-    pub likeness: f64,
+    pub descriptor_distinctiveness: f64,
     /// Matches that agree, at least 0.
-    pub support: f64,
+    pub inlier_score: f64,
     /// Share of the points, summed over both directions, that stand where the other's sensor
     /// looked through, in [0, 2]; `None` where no sensor's place is known.
-    pub contradicted: Option<f64>,
+    pub free_space_violation: Option<f64>,
     /// Settled poses that are this one; for the answer alone.
-    pub votes: Option<usize>,
+    pub supporting_hypotheses: Option<usize>,
     /// Standard deviation of its shift in lengths, within bounds; for the answer alone.
-    pub spread: Option<f64>,
+    pub translation_std: Option<f64>,
     /// Whether it is the answer, judged after its last settling.
-    pub answer: bool,
+    pub is_best: bool,
 }
 
-impl Judged {
-    fn settled(transform: Transform, evidence: &Evidence) -> Judged {
-        let Evidence { overlap, likeness, support, contradicted } = *evidence;
+impl ScoredPose {
+    fn from_evidence(transform: Transform, evidence: &PoseEvidence) -> ScoredPose {
+        let PoseEvidence { overlap, descriptor_distinctiveness: likeness, inlier_score: support, free_space_violation: contradicted } = *evidence;
         let (votes, spread, answer) = (None, None, false);
-        Judged { transform, overlap, likeness, support, contradicted, votes, spread, answer }
+        ScoredPose { transform, overlap, descriptor_distinctiveness: likeness, inlier_score: support, free_space_violation: contradicted, supporting_hypotheses: votes, translation_std: spread, is_best: answer }
     }
 
-    fn answer(transform: Transform, standing: &Standing) -> Judged {
-        let (votes, spread) = (Some(standing.votes), Some(standing.spread));
-        Judged { votes, spread, answer: true, ..Judged::settled(transform, &standing.evidence) }
+    fn from_confidence(transform: Transform, standing: &Confidence) -> ScoredPose {
+        let (votes, spread) = (Some(standing.supporting_hypotheses), Some(standing.translation_std));
+        ScoredPose { supporting_hypotheses: votes, translation_std: spread, is_best: true, ..ScoredPose::from_evidence(transform, &standing.evidence) }
     }
 }
 
@@ -49,21 +49,21 @@ impl Consensus {
     ///
     /// # Errors
     /// Those of `register`.
-    pub fn candidates(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<Judged>> {
+    pub fn scored_poses(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<ScoredPose>> {
         par::with_threads(self.threads, || {
             let search = self.search(source.into(), target.into(), &mut Timings::default())?;
             let mut judged = Vec::new();
-            for attempt in &search.attempts {
+            for attempt in &search.trials {
                 let [from, onto] = &attempt.surfaces;
                 judged.extend(attempt.candidates.iter().map(|candidate| {
-                    Judged::settled(global(&candidate.pose, from, onto), &candidate.evidence)
+                    ScoredPose::from_evidence(to_cloud_frames(&candidate.pose, from, onto), &candidate.evidence)
                 }));
             }
-            let [from, onto] = &search.attempts[search.best].surfaces;
-            let pose = &search.settled.pose;
+            let [from, onto] = &search.trials[search.best_trial].surfaces;
+            let pose = &search.refined.pose;
             let covariance = search.covariance(pose);
-            let standing = search.standing(pose, search.evidence, covariance.as_ref());
-            judged.push(Judged::answer(global(pose, from, onto), &standing));
+            let standing = search.compute_confidence(pose, search.evidence, covariance.as_ref());
+            judged.push(ScoredPose::from_confidence(to_cloud_frames(pose, from, onto), &standing));
             Ok(judged)
         })?
     }
