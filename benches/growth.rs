@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use cfreg::descriptor::{HistogramScale, fpfh};
 use cfreg::experiment::scaling::Growth;
 use cfreg::experiment::shape::boulder;
-use cfreg::moments::{Described, FullConnection};
+use cfreg::moments::{FeatureView, FullConnection};
 use cfreg::normals::{self, Orientation};
 use cfreg::search::{Neighborhood, Neighbors, resolution};
 use cfreg::weight::{Normalization, WeightScheme};
@@ -106,7 +106,7 @@ fn main() {
     let mut run = || {
         for n in SIZES {
             let [source, target] = [1, 2].map(|seed| described(n, seed, &mut features));
-            let [a, b] = [&source, &target].map(|side| Described {
+            let [a, b] = [&source, &target].map(|side| FeatureView {
                 points: side.cloud.points(),
                 origin: side.cloud.origin(),
                 descriptors: &side.descriptors,
@@ -114,7 +114,7 @@ fn main() {
             let moments = |tolerance| {
                 let connection = FullConnection::new(a, b).unwrap();
                 let (scheme, plain) = (WeightScheme::Gaussian, Normalization::None);
-                connection.scheme_moments_within(scheme, BETA, plain, tolerance).unwrap()
+                connection.pruned_moments(scheme, BETA, plain, tolerance).unwrap()
             };
             dense.measure(n, || moments(0.0));
             within.measure(n, || moments(1e-3));

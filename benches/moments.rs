@@ -16,8 +16,8 @@ use pulp::{Simd, WithSimd};
 use std::hint::black_box;
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Describe, Timings};
-use cfreg::moments::{Described, FullConnection, naive};
+use cfreg::method::{FeatureConfig, Timings};
+use cfreg::moments::{FeatureView, FullConnection, naive};
 use cfreg::pose::{self, ScaleEstimate, Solver};
 use cfreg::quality::pose_error;
 use cfreg::weight::{Gaussian, Normalization, WeightScheme};
@@ -78,8 +78,8 @@ fn cloud(n: usize, seed: u64) -> Cloud {
 }
 
 impl Cloud {
-    fn described(&self) -> Described<'_> {
-        Described { points: &self.points, origin: [0.0; 3], descriptors: &self.descriptors }
+    fn described(&self) -> FeatureView<'_> {
+        FeatureView { points: &self.points, origin: [0.0; 3], descriptors: &self.descriptors }
     }
 }
 
@@ -121,7 +121,7 @@ fn check() {
     let fused = fused.moments(&Gaussian { beta: BETA }, Normalization::None).unwrap();
     let weight = |d2: f64| (-d2 / f64::from(BETA)).exp();
     let exact = naive::moments(source, target, weight, Normalization::None);
-    let exact = naive::about(&exact, fused.source_origin, fused.target_origin);
+    let exact = naive::shift_origins(&exact, fused.source_origin, fused.target_origin);
     assert!((fused.weight / exact.weight - 1.0).abs() < 1e-5, "{fused:?} {exact:?}");
 }
 
@@ -129,14 +129,14 @@ fn check() {
 fn skipping(n: usize) {
     let side = |seed| {
         let cloud = boulder().sample(n, seed).unwrap();
-        Describe::default().prepare(&cloud, "a sample", &mut Timings::default()).unwrap()
+        FeatureConfig::default().extract(&cloud, "a sample", &mut Timings::default()).unwrap()
     };
     let (source, target) = (side(1), side(2));
-    let connection = FullConnection::new(source.described(), target.described()).unwrap();
+    let connection = FullConnection::new(source.view(), target.view()).unwrap();
     for normalization in [Normalization::None, Normalization::Both] {
         let moments = |tolerance| {
             let (scheme, beta) = (WeightScheme::Gaussian, f64::from(BETA));
-            connection.scheme_moments_within(scheme, beta, normalization, tolerance).unwrap()
+            connection.pruned_moments(scheme, beta, normalization, tolerance).unwrap()
         };
         let dense = moments(0.0);
         let pose = |moments| {

@@ -23,7 +23,7 @@ fn bench(criterion: &mut Criterion) {
         // The surface is smooth and the samples dense: every point has a unit normal.
         let found = estimate();
         assert!(
-            found.undefined() == 0
+            found.undefined_count() == 0
                 && found
                     .vectors
                     .iter()

@@ -127,7 +127,7 @@ pub enum Error {
     Interrupted,
 
     /// A file that is not what it claims to be.
-    #[error("{}{}: {what}", .path.display(), Position(*.line, *.byte))]
+    #[error("{}{}: {what}", .path.display(), FilePosition(*.line, *.byte))]
     Parse {
         /// The file.
         path: PathBuf,
@@ -174,9 +174,9 @@ impl Error {
 }
 
 /// `:line 3`, `:byte 120` or nothing.
-struct Position(Option<usize>, Option<u64>);
+struct FilePosition(Option<usize>, Option<u64>);
 
-impl std::fmt::Display for Position {
+impl std::fmt::Display for FilePosition {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match (self.0, self.1) {
             (Some(line), _) => write!(f, ", line {line}"),

@@ -65,19 +65,19 @@ impl Normals {
     ///
     /// # Panics
     /// When there is no such point.
-    pub fn defined(&self, i: usize) -> bool {
+    pub fn is_defined(&self, i: usize) -> bool {
         self.vectors[i] != [0.0; 3]
     }
 
     /// Points without a defined normal.
-    pub fn undefined(&self) -> usize {
+    pub fn undefined_count(&self) -> usize {
         self.vectors.iter().filter(|normal| **normal == [0.0; 3]).count()
     }
 }
 
 /// Below this share of the largest eigenvalue the second one is rounding: the
 /// neighbourhood is a line. f32 coordinates leave 6e-8² ≈ 4e-15.
-const LINE: f64 = 1e-12;
+const MIN_EIGENVALUE_RATIO: f64 = 1e-12;
 
 /// Estimates the normals of `cloud` from `neighbors`, one neighbourhood a point.
 ///
@@ -93,7 +93,7 @@ pub fn estimate(
     orientation: Orientation,
 ) -> Result<Normals> {
     if orientation == Orientation::Stored {
-        return stored(cloud);
+        return stored_normals(cloud);
     }
     if neighbors.len() != cloud.len() {
         let what = "neighbourhoods for the points of a cloud".into();
@@ -119,7 +119,7 @@ pub fn estimate(
     let planes = par::map_blocks(points.len(), LANES, Members::default, |members, block| {
         let mut covariances = [[[0.0; 3]; 3]; LANES];
         for (covariance, &i) in covariances.iter_mut().zip(&order[block]) {
-            *covariance = members.covariance(points, neighbors.of(i as usize));
+            *covariance = members.covariance(points, neighbors.indices(i as usize));
         }
         pulp::Arch::new().dispatch(Planes(&covariances))
     });
@@ -134,7 +134,7 @@ pub fn estimate(
     Ok(Normals { vectors, curvature, oriented_by })
 }
 
-fn stored(cloud: &PointCloud) -> Result<Normals> {
+fn stored_normals(cloud: &PointCloud) -> Result<Normals> {
     let Some(normals) = cloud.normals() else {
         let rule = "the cloud has no normals: choose viewpoint or outward";
         return Err(Error::config("orientation", "stored", rule));
@@ -182,7 +182,7 @@ impl WithSimd for Planes<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         math::eigen::symmetric_many(self.0).map(|(values, vectors)| {
-            if values[1] <= LINE * values[2] {
+            if values[1] <= MIN_EIGENVALUE_RATIO * values[2] {
                 return ([0.0; 3], 0.0);
             }
             let least = values[0].max(0.0);
@@ -286,9 +286,9 @@ mod tests {
     fn lines_and_lumps_have_no_normal() {
         let line: Vec<Vec3> =
             (0..50).map(|i| [0.1 * f64::from(i), 0.3 * f64::from(i), 1.0]).collect();
-        assert_eq!(normals(&line, Orientation::Viewpoint).undefined(), 50);
-        assert_eq!(normals(&[[1.0, 2.0, 3.0]; 30], Orientation::Viewpoint).undefined(), 30);
-        assert_eq!(normals(&line[..2], Orientation::Viewpoint).undefined(), 2);
+        assert_eq!(normals(&line, Orientation::Viewpoint).undefined_count(), 50);
+        assert_eq!(normals(&[[1.0, 2.0, 3.0]; 30], Orientation::Viewpoint).undefined_count(), 30);
+        assert_eq!(normals(&line[..2], Orientation::Viewpoint).undefined_count(), 2);
     }
 
     #[test]

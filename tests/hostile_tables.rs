@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use cfreg::batch::{Batch, List, results};
 use cfreg::experiment::shape::boulder;
-use cfreg::method::Chain;
+use cfreg::method::Pipeline;
 use cfreg::{Error, io};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -63,7 +63,7 @@ fn parquet(folder: &Path) -> PathBuf {
     }
     let names = ["0.ply", "1.ply", "2.ply", "none.ply"];
     let pairs = names.iter().flat_map(|source| names.iter().map(move |target| [*source, *target]));
-    let method = Chain::new("consensus".parse().unwrap(), Vec::new()).unwrap();
+    let method = Pipeline::new("consensus".parse().unwrap(), Vec::new()).unwrap();
     let path = folder.join("rows.parquet");
     Batch::new(&method, &method).run(&List::new(folder, pairs), &path).unwrap();
     path

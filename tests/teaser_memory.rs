@@ -29,7 +29,7 @@ fn ten_thousand_matches_take_less_than_a_gigabyte() {
         ends[..(share * MATCHES as f64) as usize].shuffle(&mut rng);
         let pairs: Vec<_> = ends.iter().enumerate().map(|(i, &j)| (i as u32, j)).collect();
         let teaser = Teaser { noise_bound: Some(BOUND), ..Teaser::default() };
-        let found = teaser.register_matches(&source, &target, &pairs).unwrap();
+        let found = teaser.register_correspondences(&source, &target, &pairs).unwrap();
         let turned = math::mat_sub(&found.transform.rotation, &truth.rotation);
         assert!(math::frobenius(&turned) < BOUND, "{turned:?}");
         let unproved = |doubt: &Warning| matches!(doubt, Warning::CliqueNotProved { .. });

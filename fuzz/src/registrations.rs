@@ -55,9 +55,9 @@ fn method(name: &str, settings: &[(&'static str, Value)], threads: usize) -> Opt
     });
     let first = heard(parts.next()?, None)?;
     let rest = heard(parts.collect(), None)?;
-    let chain = heard(cfreg::method::Chain::new(first, rest), None)?;
-    let judge = chain.first().judge();
-    Some(chain.with_verdict(judge))
+    let chain = heard(cfreg::method::Pipeline::new(first, rest), None)?;
+    let judge = chain.first().verifier();
+    Some(chain.with_verification(judge))
 }
 
 /// Registers two clouds of 2 to 60 points by any method, twice by one thread and once by two.

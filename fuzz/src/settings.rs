@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
-use cfreg::cloud::{Channels, Viewpoints};
+use cfreg::cloud::{Channels, ViewpointSource};
 use cfreg::descriptor::HistogramScale;
 use cfreg::experiment::benchmark;
 use cfreg::method::{Channel, Method};
@@ -56,7 +56,7 @@ fn checked(method: &Method) {
 
 /// That weights are weights.
 fn kernel(composite: &Composite) {
-    let Some(kernel) = heard(composite.resolved(Ok::<Bandwidth, _>)) else { return };
+    let Some(kernel) = heard(composite.resolve(Ok::<Bandwidth, _>)) else { return };
     let distances = [0.0, 1e-30, 1.0, 50.0, 1e6, f32::MAX];
     let mut filled = distances;
     kernel.fill(&mut filled);
@@ -74,7 +74,7 @@ fn names(text: &str) {
     named::<Solver>(text);
     named::<ScaleEstimate>(text);
     named::<HistogramScale>(text);
-    named::<Viewpoints>(text);
+    named::<ViewpointSource>(text);
     named::<Channel>(text);
     if let Some(method) = heard(text.parse::<Method>()) {
         assert!(Method::NAMES.contains(&text), "{text}");

@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use super::hash::Hash;
 use crate::cloud::{Parts, PointCloud};
 use crate::error::Result;
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::method::{Cache, Cached};
 
 /// Clouds that were read, the least recently used given up first.
 pub(super) struct Clouds {
-    thinning: Thinning,
+    thinning: Downsampling,
     budget: usize,
     held: Mutex<Held>,
 }
@@ -53,7 +53,7 @@ impl Kept {
 
 impl Clouds {
     /// None are held yet; at most `budget` bytes of those that no pair is using will be.
-    pub(super) fn new(thinning: Thinning, budget: usize) -> Self {
+    pub(super) fn new(thinning: Downsampling, budget: usize) -> Self {
         Clouds { thinning, budget, held: Mutex::default() }
     }
 
@@ -156,7 +156,7 @@ mod tests {
         };
         let [a, b, c] = ["a.xyz", "b.xyz", "c.xyz"].map(file);
         let one = 512 + 4 * 12;
-        let clouds = Clouds::new(Thinning::default(), 2 * one);
+        let clouds = Clouds::new(Downsampling::default(), 2 * one);
         let first = clouds.get(&a, 0, || io::read(&a)).unwrap();
         clouds.get(&b, 0, || io::read(&b)).unwrap();
         // Held, whatever becomes of the file.
@@ -184,7 +184,7 @@ mod tests {
             path
         };
         let [a, b] = ["a.ply", "b.ply"].map(file);
-        let clouds = Clouds::new(Thinning::default(), 150_000);
+        let clouds = Clouds::new(Downsampling::default(), 150_000);
         let get = |path: &Path| clouds.get(path, 0, || io::read(path)).unwrap();
         let [first, second] = [&a, &b].map(|path| get(path));
         let plain = clouds.lock().bytes;
@@ -211,7 +211,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.xyz");
         std::fs::write(&path, "0 0 0\n1 0 0\n").unwrap();
-        let sample = Thinning { sample: Some(1), ..Thinning::default() };
+        let sample = Downsampling { sample: Some(1), ..Downsampling::default() };
         let clouds = Clouds::new(sample, 0);
         assert_eq!(clouds.get(&path, 0, || io::read(&path)).unwrap().cloud.len(), 1);
         assert!(clouds.lock().clouds.is_empty() && clouds.lock().bytes == 0);

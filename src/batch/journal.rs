@@ -15,7 +15,7 @@ use super::hash::Hash;
 use super::output::is_run;
 use super::{List, Row};
 use crate::error::{Error, Result};
-use crate::io::guard;
+use crate::io::limited_file;
 
 /// Seconds after which the system is asked to have what was written on the disk.
 const SYNC: Duration = Duration::from_secs(5);
@@ -115,7 +115,7 @@ impl Journal {
         // Written otherwise, though it says the same.
         self.begun = Hash::of(&line);
         loop {
-            match guard::line(&mut reader, &mut line) {
+            match limited_file::read_line(&mut reader, &mut line) {
                 Err(error) if error.kind() == io::ErrorKind::FileTooLarge => {
                     self.damaged += 1;
                     return self.cut();
@@ -227,7 +227,7 @@ impl Journal {
         Ok(self.places.iter().enumerate().map(move |(index, &place)| {
             // What is in the buffer is used where it can be.
             reader.seek_relative(place as i64 - at as i64).map_err(failed)?;
-            guard::line(&mut reader, &mut line).map_err(failed)?;
+            limited_file::read_line(&mut reader, &mut line).map_err(failed)?;
             at = place + line.len() as u64;
             self.row(&line).filter(|row| row.index == index).ok_or_else(|| Error::Parse {
                 path: self.path.clone(),
@@ -249,7 +249,7 @@ impl Journal {
 fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
     const START: &[u8] = b"{\"cfreg\":";
     let mut line = Vec::new();
-    match guard::line(reader, &mut line) {
+    match limited_file::read_line(reader, &mut line) {
         Err(error) if error.kind() == io::ErrorKind::FileTooLarge => return Ok(None),
         read => _ = read?,
     }
@@ -360,7 +360,7 @@ mod tests {
         let [one, two] = [json!({"a": {"b": 1, "c": 2}}), json!({"a": {"b": 1, "d": 3}})];
         assert_eq!(setting(&one, &two, ""), Some(("a.d".into(), &Value::Null, &json!(3))));
         assert_eq!(setting(&one, &one, ""), None);
-        let long = "x".repeat(guard::RECORD + 1);
+        let long = "x".repeat(limited_file::MAX_RECORD_BYTES + 1);
         for foreign in ["mine\n", "mine", "{}\n", "{\"cfreg\": 1}\n", "mine\n\n", &long] {
             std::fs::write(&path, foreign).unwrap();
             for resume in [true, false] {

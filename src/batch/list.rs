@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 use crate::error::{Error, Result};
 use crate::io;
-use crate::io::guard::GROWING;
+use crate::io::limited_file::GROWTH_FACTOR;
 
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
 #[derive(Debug, Clone, Default)]
@@ -126,13 +126,13 @@ struct Builder {
 impl Builder {
     /// Adds a pair, and gives the bytes of memory that it takes.
     fn add(&mut self, pair: [&str; 2]) -> usize {
-        let mut bytes = GROWING * size_of::<[u32; 2]>();
+        let mut bytes = GROWTH_FACTOR * size_of::<[u32; 2]>();
         let pair = pair.map(|name| {
             self.known.get(name).copied().unwrap_or_else(|| {
                 let number = self.list.names.len() as u32;
                 self.list.names.push(name.into());
                 self.known.insert(name.into(), number);
-                bytes += 2 * (name.len() + GROWING * size_of::<String>());
+                bytes += 2 * (name.len() + GROWTH_FACTOR * size_of::<String>());
                 number
             })
         });
@@ -157,22 +157,22 @@ pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
 const COLUMNS: [&str; 2] = ["source", "target"];
 
 fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
-    let mut sheet = io::Sheet::open(path)?;
+    let mut sheet = io::CsvReader::open(path)?;
     let [source, target] = [sheet.column(COLUMNS[0])?, sheet.column(COLUMNS[1])?];
     while sheet.next()? {
         let pair = [source, target].map(|at| sheet.cell(at));
         if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
-            return Err(sheet.wrong(format!("{} is empty", COLUMNS[empty])));
+            return Err(sheet.parse_error(format!("{} is empty", COLUMNS[empty])));
         }
         let bytes = builder.add(pair);
-        sheet.take(bytes)?;
+        sheet.reserve_memory(bytes)?;
     }
     Ok(())
 }
 
 #[cfg(feature = "parquet")]
 fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
-    let mut budget = io::guard::Guarded::open(path)?.budget();
+    let mut budget = io::limited_file::LimitedFile::open(path)?.budget();
     super::parquet::pairs(path, COLUMNS, |number, pair| {
         let pair = pair.map(str::trim);
         if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
@@ -180,7 +180,7 @@ fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
             return Err(Error::parse(path, None, what));
         }
         let bytes = builder.add(pair);
-        budget.take(bytes).map_err(|what| Error::parse(path, None, what))
+        budget.reserve(bytes).map_err(|what| Error::parse(path, None, what))
     })
 }
 

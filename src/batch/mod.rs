@@ -45,14 +45,14 @@ pub use places::Places;
 pub use row::Row;
 pub(crate) use row::symmetric;
 
-pub use crate::filter::{self, Thinning};
+pub use crate::filter::{self, Downsampling};
 
 use self::clouds::Clouds;
 use self::hash::Hash;
 use self::journal::Journal;
 use self::output::Format;
 use self::watch::Watch;
-use crate::cloud::{PointCloud, Viewpoints};
+use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::method::{Register, Registration};
@@ -98,12 +98,12 @@ pub struct Batch<'a> {
     /// Clouds that are at hand, by the names that the list has for them; others are files.
     pub given: HashMap<String, Arc<PointCloud>>,
     /// What is known of where sensors stood; by default what the clouds say.
-    pub viewpoints: Viewpoints,
+    pub viewpoints: ViewpointSource,
     /// Whether rows of files that mark measurements without a return are kept
     /// ([`filter::no_returns`](crate::filter::no_returns)); by default they are left out.
     pub keep_no_returns: bool,
     /// How clouds are thinned; not at all by default.
-    pub thinning: Thinning,
+    pub thinning: Downsampling,
     /// Pairs that run beside each other, 0 (the default) for as many as there are cores.
     pub threads: usize,
     /// Bytes of clouds, and of what was made of them alone, that are kept for later pairs, beside
@@ -152,9 +152,9 @@ impl<'a> Batch<'a> {
             method,
             settings: serde_json::to_value(settings).unwrap_or_default(),
             given: HashMap::new(),
-            viewpoints: Viewpoints::default(),
+            viewpoints: ViewpointSource::default(),
             keep_no_returns: false,
-            thinning: Thinning::default(),
+            thinning: Downsampling::default(),
             threads: 0,
             memory: 1 << 30,
             time_limit: None,
@@ -295,7 +295,7 @@ impl<'a> Batch<'a> {
     ) -> Result<()> {
         let clouds = Clouds::new(self.thinning, self.memory);
         let watch = Watch::default();
-        let ended = || self.interrupt.is_requested() || par::requested();
+        let ended = || self.interrupt.is_requested() || par::is_interrupt_requested();
         let mut failed = None;
         let take = |row: Option<Option<Row>>| {
             if ended() {
@@ -311,7 +311,7 @@ impl<'a> Batch<'a> {
             }
             ControlFlow::Continue(())
         };
-        par::crew(
+        par::worker_pool(
             self.threads,
             pairs.into_iter(),
             |index| self.row(index, list, &clouds, &watch),
@@ -371,7 +371,7 @@ impl<'a> Batch<'a> {
                 None => io::read(&path)?,
             };
             let keep = self.keep_no_returns;
-            let cloud = if keep { cloud } else { filter::without_no_returns(cloud) };
+            let cloud = if keep { cloud } else { filter::remove_no_returns(cloud) };
             self.viewpoints.apply(cloud)
         })
     }

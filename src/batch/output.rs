@@ -10,8 +10,8 @@ use super::cells::Flat;
 use super::journal::Journal;
 use super::{List, Row};
 use crate::error::{Error, Result};
-use crate::io::guard;
-use crate::io::outputs::{self, Identity};
+use crate::io::limited_file;
+use crate::io::outputs::{self, FileIdentity};
 
 /// Kinds of files that results are written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +53,7 @@ impl Format {
                 let path = beside(path, RUN);
                 match path.exists() {
                     true => {
-                        Ok(serde_json::from_slice(&guard::bytes(&path, guard::DOCUMENT, WHAT)?)
+                        Ok(serde_json::from_slice(&limited_file::read_bytes(&path, limited_file::MAX_DOCUMENT_BYTES, WHAT)?)
                             .ok())
                     }
                     false => Ok(None),
@@ -107,13 +107,13 @@ pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
     }
     // A file that is not there is no input.
     written.retain(|path| path.is_file());
-    let taken: Vec<(Option<Identity>, PathBuf)> =
-        written.into_iter().map(|path| (Identity::of(&path), path)).collect();
+    let taken: Vec<(Option<FileIdentity>, PathBuf)> =
+        written.into_iter().map(|path| (FileIdentity::from_path(&path), path)).collect();
     if taken.is_empty() {
         return Ok(());
     }
     for input in list.file().map(Path::to_path_buf).into_iter().chain(list.files()) {
-        let input = Identity::of(&input);
+        let input = FileIdentity::from_path(&input);
         if let Some((_, path)) = taken.iter().find(|(file, _)| file.is_some() && *file == input) {
             return refuse(
                 path,
@@ -148,7 +148,7 @@ fn whole(
     let failed = |error| Error::io(path, error);
     // Through a link, so that the link stays one.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-    let beside = outputs::beside(&target).map_err(failed)?;
+    let beside = outputs::create_temporary(&target).map_err(failed)?;
     write(beside.as_file(), &failed)?;
     beside.as_file().sync_all().map_err(failed)?;
     beside.persist(&target).map_err(|error| failed(error.error))?;

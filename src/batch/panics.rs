@@ -38,7 +38,7 @@ fn install() {
             if CAUGHT.get() {
                 return;
             }
-            match par::in_crew() && ROWS.load(Ordering::Relaxed) {
+            match par::in_worker() && ROWS.load(Ordering::Relaxed) {
                 true => PLACE.set(panic.location().map(ToString::to_string)),
                 false => others(panic),
             }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use crate::error::Result;
-use crate::io::Sheet;
-use crate::io::guard::GROWING;
+use crate::io::CsvReader;
+use crate::io::limited_file::GROWTH_FACTOR;
 use crate::math::Vec3;
 
 /// Names of clouds, and where each of them stood.
@@ -25,7 +25,7 @@ impl Places {
     /// [`Error::Io`]; [`Error::Parse`] without these columns, without a cloud in a line, and for
     /// what is no finite number.
     pub fn read(path: &Path) -> Result<Places> {
-        let mut sheet = Sheet::open(path)?;
+        let mut sheet = CsvReader::open(path)?;
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
             *column = sheet.column(name)?;
@@ -34,20 +34,20 @@ impl Places {
         while sheet.next()? {
             let name = sheet.cell(columns[0]);
             if name.is_empty() {
-                return Err(sheet.wrong("cloud is empty"));
+                return Err(sheet.parse_error("cloud is empty"));
             }
             let mut place = [0.0; 3];
             for (axis, value) in place.iter_mut().enumerate() {
                 let word = sheet.cell(columns[axis + 1]);
                 let number = word.parse().ok().filter(|x: &f64| x.is_finite());
                 let what = || format!("{} is \"{word}\", not a finite number", COLUMNS[axis + 1]);
-                *value = number.ok_or_else(|| sheet.wrong(what()))?;
+                *value = number.ok_or_else(|| sheet.parse_error(what()))?;
             }
             let name = name.to_string();
-            let bytes = name.len() + GROWING * (size_of::<String>() + size_of::<Vec3>());
+            let bytes = name.len() + GROWTH_FACTOR * (size_of::<String>() + size_of::<Vec3>());
             found.names.push(name);
             found.places.push(place);
-            sheet.take(bytes)?;
+            sheet.reserve_memory(bytes)?;
         }
         Ok(found)
     }

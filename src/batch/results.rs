@@ -13,8 +13,8 @@ use serde_json::Value;
 use super::Row;
 use super::output::Format;
 use crate::error::{Error, Result};
-use crate::io::Sheet;
-use crate::io::guard::{self, Guarded};
+use crate::io::CsvReader;
+use crate::io::limited_file::{self, LimitedFile};
 
 /// Reads the rows of a `.csv`, `.jsonl` or `.parquet`, or of a folder with `.parquet` in it, as
 /// clusters write them: then in the order of their index.
@@ -27,10 +27,10 @@ pub fn read(path: &Path) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     if !path.is_dir() {
         Format::of(path)?;
-        let mut budget = Guarded::open(path)?.budget();
+        let mut budget = LimitedFile::open(path)?.budget();
         each(path, |row| {
-            let bytes = guard::GROWING * size_of::<Row>() + row.texts();
-            budget.take(bytes).map_err(|what| Error::parse(path, None, what))?;
+            let bytes = limited_file::GROWTH_FACTOR * size_of::<Row>() + row.texts();
+            budget.reserve(bytes).map_err(|what| Error::parse(path, None, what))?;
             rows.push(row);
             Ok(())
         })?;
@@ -87,19 +87,19 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Resu
 }
 
 fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
-    let mut sheet = Sheet::open(path)?;
+    let mut sheet = CsvReader::open(path)?;
     while sheet.next()? {
         let row = Row::read(|name| sheet.find(name).map(Value::from));
-        take(row.map_err(|what| sheet.wrong(what))?)?;
+        take(row.map_err(|what| sheet.parse_error(what))?)?;
     }
     Ok(())
 }
 
 fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
-    let mut reader = BufReader::new(Guarded::open(path)?);
+    let mut reader = BufReader::new(LimitedFile::open(path)?);
     let mut line = Vec::new();
     for number in 1.. {
-        if !guard::line(&mut reader, &mut line).map_err(|error| Error::io(path, error))? {
+        if !limited_file::read_line(&mut reader, &mut line).map_err(|error| Error::io(path, error))? {
             break;
         }
         take(json_row(&line).map_err(|what| Error::parse(path, Some(number), what))?)?;

@@ -316,7 +316,7 @@ pub(crate) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
 /// The beginning of a value, as messages have it.
 fn words(value: &Value) -> String {
     match value {
-        Value::String(text) => io::shown(text),
+        Value::String(text) => io::quote_start(text),
         other => other.to_string(),
     }
 }

@@ -9,9 +9,9 @@ use indicatif::ProgressStyle;
 use super::options::MethodOptions;
 use super::{Outcome, outputs, progress, reading, say};
 use crate::batch::{self, List, Start};
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::par::Interrupt;
 
 /// Ends with exit status 0 once every pair has its row, those without an answer too; 1 where none of
@@ -38,7 +38,7 @@ pub(super) struct Batch {
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     memory: usize,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
     /// Give a pair up after so many seconds; which pairs come near the limit depends on the
     /// machine
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
@@ -49,7 +49,7 @@ pub(super) struct Batch {
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
-    thinning: Thinning,
+    thinning: Downsampling,
 }
 
 impl Batch {

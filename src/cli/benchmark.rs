@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{Outcome, outputs, print, progress, reading, say};
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::Result;
 use crate::experiment::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
 use crate::par;
@@ -52,7 +52,7 @@ pub(super) struct Benchmark {
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
     /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
     #[arg(long)]

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{Outcome, outputs, print, print_json, reading, say};
 use crate::error::Result;
-use crate::filter::{self, NoReturns, Thinning};
+use crate::filter::{self, NoReturns, Downsampling};
 use crate::{io, search};
 
 #[derive(Args)]
@@ -48,7 +48,7 @@ impl Info {
                 file: path.display().to_string(),
                 points: cloud.len(),
                 dropped: cloud.dropped(),
-                no_returns: filter::no_returns(&cloud),
+                no_returns: filter::find_no_returns(&cloud),
                 normals: cloud.normals().is_some(),
                 weights: cloud.weights().is_some(),
                 channels: cloud.channels().names().map(String::from).collect(),
@@ -118,7 +118,7 @@ pub(super) struct Convert {
     /// File to write; its extension says the format: .ply .pcd .xyz .txt .csv
     output: PathBuf,
     #[command(flatten)]
-    thinning: Thinning,
+    thinning: Downsampling,
     /// Move the cloud by the 4×4 matrix in this file
     #[arg(long, value_name = "T.txt")]
     transform: Option<PathBuf>,
@@ -126,7 +126,7 @@ pub(super) struct Convert {
 
 impl Convert {
     pub(super) fn run(&self) -> Result<Outcome> {
-        io::writable(&self.output)?;
+        io::check_writable(&self.output)?;
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;

@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::options::Known;
 use super::{Outcome, print, print_json, reading};
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::io;
 use crate::quality::{self, EvaluationReport, Verdict};
 
@@ -30,7 +30,7 @@ pub(super) struct Evaluate {
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     max_distance: Option<f64>,
     #[command(flatten)]
-    thinning: Thinning,
+    thinning: Downsampling,
     /// Also a verdict on the pose, by a search of the method consensus: whether it is right, to
     /// within the length that clouds are thinned to (that of --voxel), and which other one is more
     /// probable; exit code 0 only for accept
@@ -39,7 +39,7 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     known: Known,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
     /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
     /// (0, 0, 0)
     #[arg(long)]
@@ -74,7 +74,7 @@ impl Evaluate {
             quality::evaluate_with_truth(&source, &target, &transform, self.max_distance, truth.as_ref())?;
         let verdict = || {
             // The length follows its own way to thin: it wants the clouds as they are.
-            let raw = Thinning { voxel: None, ..self.thinning };
+            let raw = Downsampling { voxel: None, ..self.thinning };
             let raw = self
                 .thinning
                 .voxel

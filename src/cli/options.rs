@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::io;
-use crate::method::{Chain, Consensus, Method};
-use crate::pose::{Near, Prior, ScaleEstimate, Solver};
+use crate::method::{Pipeline, Consensus, Method};
+use crate::pose::{RotationBound, Prior, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.
@@ -66,7 +66,7 @@ impl Known {
         if let Some(path) = &self.near {
             let within_deg = self.within.unwrap_or(0.0);
             let vector = io::read_transform(path)?.rotation_vector();
-            prior.rotation = Some(Near { vector, within_deg });
+            prior.rotation = Some(RotationBound { vector, within_deg });
         }
         Ok(prior)
     }
@@ -166,7 +166,7 @@ enum WhenVerified {
 impl MethodOptions {
     /// The method with all that was typed, which starts from the pose of `--near` where it starts
     /// from one, and verifies its pose as `--verdict` says.
-    pub(super) fn chain(&self) -> Result<Chain> {
+    pub(super) fn chain(&self) -> Result<Pipeline> {
         let mut chain = self.method()?;
         if let Some(near) = &self.known.near
             && chain.first().as_refinement().is_some()
@@ -174,15 +174,15 @@ impl MethodOptions {
             chain = chain.with_initial(io::read_transform(near)?)?;
         }
         if self.keep_no_returns {
-            chain = chain.keeping_no_returns();
+            chain = chain.keep_no_returns();
         }
         let verified = match self.verdict {
-            WhenVerified::Auto => !self.bulk || chain.outweighs_verdict(),
+            WhenVerified::Auto => !self.bulk || chain.is_slower_than_verdict(),
             WhenVerified::On => true,
             WhenVerified::Off => false,
         };
-        let judge = chain.first().judge();
-        Ok(if verified { chain.with_verdict(judge) } else { chain })
+        let judge = chain.first().verifier();
+        Ok(if verified { chain.with_verification(judge) } else { chain })
     }
 
     /// Files that are read for it.
@@ -191,7 +191,7 @@ impl MethodOptions {
     }
 
     /// What was typed, laid over the defaults of method and refinements.
-    pub(super) fn method(&self) -> Result<Chain> {
+    pub(super) fn method(&self) -> Result<Pipeline> {
         let mut method: Method = self.method.parse()?;
         let mut refinements =
             self.refine.iter().map(|name| name.parse()).collect::<Result<Vec<Method>>>()?;
@@ -222,12 +222,12 @@ impl MethodOptions {
                 None => method = method.with([(name, value)])?,
             }
         }
-        Chain::new(method, refinements)
+        Pipeline::new(method, refinements)
     }
 
     /// [`chain`](Self::chain) with `--voxel` for those that make of it what they need: thinning by it would
     /// come too early.
-    pub(super) fn with_length(&self, thinning: &Thinning) -> Result<(Chain, Thinning)> {
+    pub(super) fn with_length(&self, thinning: &Downsampling) -> Result<(Pipeline, Downsampling)> {
         let method: Method = self.method.parse()?;
         let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
             return Ok((self.chain()?, *thinning));
@@ -235,7 +235,7 @@ impl MethodOptions {
         let mut options = self.clone();
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
-        Ok((options.chain()?, Thinning { voxel: None, ..*thinning }))
+        Ok((options.chain()?, Downsampling { voxel: None, ..*thinning }))
     }
 
     /// The same for pairs that run beside each other: refinements may stand after `+` in

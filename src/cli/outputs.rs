@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::io::outputs::Identity;
+use crate::io::outputs::FileIdentity;
 
 /// Refuses an output that is an input or another output, by whatever link, or whose folder is
 /// not there.
 pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)]) -> Result<()> {
-    let mut taken: Vec<Identity> = inputs.iter().filter_map(|path| Identity::of(path)).collect();
+    let mut taken: Vec<FileIdentity> = inputs.iter().filter_map(|path| FileIdentity::from_path(path)).collect();
     for &(option, path) in outputs {
         let Some(path) = path else { continue };
         let refuse = |rule: &str| Err(Error::config(option, path.display(), rule));
@@ -26,7 +26,7 @@ pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)])
         if path.exists() && !path.is_file() {
             continue;
         }
-        let Some(file) = Identity::of(path) else { continue };
+        let Some(file) = FileIdentity::from_path(path) else { continue };
         if taken.contains(&file) {
             return refuse("would overwrite an input or another output of this command");
         }

@@ -5,21 +5,21 @@ use std::path::Path;
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
 use super::say;
-use crate::cloud::{PointCloud, Viewpoints};
+use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::Result;
-use crate::filter::{self, Thinning};
+use crate::filter::{self, Downsampling};
 use crate::io::{self, Differences};
 
 /// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
 /// rest; `stream` keeps the samples of a pair independent.
 fn read(
     path: &Path,
-    thinning: &Thinning,
+    thinning: &Downsampling,
     keep_no_returns: bool,
     stream: u64,
 ) -> Result<PointCloud> {
     let (mut cloud, _) = read_whole(path)?;
-    let marks = filter::no_returns(&cloud);
+    let marks = filter::find_no_returns(&cloud);
     for mark in &marks {
         let ([x, y, z], rows) = (mark.place, mark.rows);
         let path = path.display();
@@ -31,7 +31,7 @@ fn read(
     }
     // Most clouds have none: they are not looked through once more.
     if !keep_no_returns && !marks.is_empty() {
-        cloud = filter::without_no_returns(cloud);
+        cloud = filter::remove_no_returns(cloud);
     }
     thinning.apply(cloud, stream)
 }
@@ -40,7 +40,7 @@ fn read(
 /// stay.
 pub(super) fn read_with_differences(
     path: &Path,
-    thinning: &Thinning,
+    thinning: &Downsampling,
 ) -> Result<(PointCloud, Differences)> {
     let (cloud, differences) = read_whole(path)?;
     Ok((thinning.apply(cloud, 0)?, differences))
@@ -60,7 +60,7 @@ fn read_whole(path: &Path) -> Result<(PointCloud, Differences)> {
 /// which had these `differences` from its own file.
 pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -> Result<()> {
     io::write(path, cloud)?;
-    let differences = differences.and(io::differences(path, cloud)?);
+    let differences = differences.merge(io::differences(path, cloud)?);
     if !differences.is_empty() {
         say(&format!("cfreg: {}: {differences}\n", path.display()));
     }
@@ -70,8 +70,8 @@ pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -
 /// The source and the target of a pair.
 pub(super) fn read_pair(
     [source, target]: [&Path; 2],
-    thinning: &Thinning,
-    viewpoints: Viewpoints,
+    thinning: &Downsampling,
+    viewpoints: ViewpointSource,
     keep_no_returns: bool,
 ) -> Result<[PointCloud; 2]> {
     let read = |path, stream| viewpoints.apply(read(path, thinning, keep_no_returns, stream)?);
@@ -82,7 +82,7 @@ pub(super) fn read_pair(
 pub(super) const VIEWPOINTS: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
      file's frame, where it says nothing), none (unknown)";
 
-impl Args for Thinning {
+impl Args for Downsampling {
     fn augment_args(command: Command) -> Command {
         let option = |name: &'static str, unit: &'static str, help: &'static str| {
             Arg::new(name).long(name).value_name(unit).help(help).allow_negative_numbers(true)
@@ -103,9 +103,9 @@ impl Args for Thinning {
     }
 }
 
-impl FromArgMatches for Thinning {
+impl FromArgMatches for Downsampling {
     fn from_arg_matches(typed: &ArgMatches) -> std::result::Result<Self, clap::Error> {
-        Ok(Thinning {
+        Ok(Downsampling {
             voxel: typed.get_one("voxel").copied(),
             sample: typed.get_one("sample").copied(),
             seed: typed.get_one("seed").copied().unwrap_or_default(),

@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::options::MethodOptions;
 use super::pictured::Pictures;
 use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading, say};
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
 use crate::quality::Warning;
 use crate::report::Pair;
@@ -25,9 +25,9 @@ pub(super) struct Register {
     #[command(flatten)]
     method: MethodOptions,
     #[command(flatten)]
-    thinning: Thinning,
+    thinning: Downsampling,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
@@ -48,8 +48,8 @@ struct Answer<'a> {
     registration: &'a Registration,
     source: String,
     target: String,
-    thinning: &'a Thinning,
-    viewpoints: Viewpoints,
+    thinning: &'a Downsampling,
+    viewpoints: ViewpointSource,
     /// As a shell takes it.
     command: String,
 }
@@ -59,7 +59,7 @@ impl Register {
         let (method, thinning) = self.method.with_length(&self.thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
-            io::writable(path)?;
+            io::check_writable(path)?;
             if self.source.exists() && !self.source.is_file() {
                 let rule = "reads the source once more, which must be a file for that";
                 return Err(Error::config("write-aligned", path.display(), rule));
@@ -156,7 +156,7 @@ fn advice(registration: &Registration) -> &'static str {
         Method::Consensus(_) => {
             "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }
-        Method::Cf(cf) if cf.describe.more_scales.is_empty() => {
+        Method::Cf(cf) if cf.features.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
         }
         Method::Cf(_) => "--refine gicp, another --voxel, or --orientation",

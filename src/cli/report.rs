@@ -7,7 +7,7 @@ use clap::Args;
 use super::pictured::Pictures;
 use super::{Outcome, outputs, progress, reading, say};
 use crate::batch;
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::report::{self, Bulk, Kept};
 
@@ -31,7 +31,7 @@ pub(super) struct Report {
     #[arg(long, value_name = "N", default_value_t = 100)]
     pages: usize,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
 }
 
 impl Report {

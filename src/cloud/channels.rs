@@ -44,15 +44,15 @@ impl ColorDepth {
 /// keeps the note.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Channels {
-    own: Vec<Own>,
+    channels: Vec<NamedChannel>,
     /// Where each is among them, by its name in lower case.
-    places: FxHashMap<String, usize>,
+    indices: FxHashMap<String, usize>,
     /// Names of those that a file had and that are left out, and the first row that is to blame.
     left_out: Vec<(String, usize)>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-struct Own {
+struct NamedChannel {
     name: String,
     values: Vec<f32>,
     color: Option<ColorDepth>,
@@ -63,7 +63,7 @@ impl Channels {
     pub(crate) const COLORS: [&str; 4] = ["red", "green", "blue", "alpha"];
 
     /// Names that mean something else in files.
-    pub(crate) const TAKEN: [&str; 10] =
+    pub(crate) const RESERVED_NAMES: [&str; 10] =
         ["x", "y", "z", "nx", "ny", "nz", "normal_x", "normal_y", "normal_z", "weight"];
 
     /// Whether a channel may have this name.
@@ -72,7 +72,7 @@ impl Channels {
         !name.is_empty()
             && name.chars().all(fits)
             && name.parse::<f64>().is_err()
-            && !Self::TAKEN.iter().any(|taken| taken.eq_ignore_ascii_case(name))
+            && !Self::RESERVED_NAMES.iter().any(|taken| taken.eq_ignore_ascii_case(name))
     }
 
     /// The same with one more channel, last.
@@ -95,7 +95,7 @@ impl Channels {
         if self.get(name).is_some() {
             return Err(Error::config("channels", name, "is there twice"));
         }
-        if let Some(expected) = self.own.first().map(|first| first.values.len())
+        if let Some(expected) = self.channels.first().map(|first| first.values.len())
             && expected != values.len()
         {
             let what = format!("values of the channel {name}");
@@ -104,8 +104,8 @@ impl Channels {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             return Err(Error::NonFinite { what: format!("the channel {name}"), index });
         }
-        self.places.insert(name.to_ascii_lowercase(), self.own.len());
-        self.own.push(Own { name: name.into(), values, color: None });
+        self.indices.insert(name.to_ascii_lowercase(), self.channels.len());
+        self.channels.push(NamedChannel { name: name.into(), values, color: None });
         Ok(self)
     }
 
@@ -128,7 +128,7 @@ impl Channels {
             return Err(Error::config("channels", name, rule));
         }
         let mut channels = self.with(name, values)?;
-        if let Some(last) = channels.own.last_mut() {
+        if let Some(last) = channels.channels.last_mut() {
             last.color = Some(depth);
         }
         Ok(channels)
@@ -140,8 +140,8 @@ impl Channels {
         self.find(name)?.color
     }
 
-    fn find(&self, name: &str) -> Option<&Own> {
-        self.places.get(&name.to_ascii_lowercase()).map(|&place| &self.own[place])
+    fn find(&self, name: &str) -> Option<&NamedChannel> {
+        self.indices.get(&name.to_ascii_lowercase()).map(|&place| &self.channels[place])
     }
 
     /// The same, with the name of a channel that is left out as its value in `row`, from 0, of a
@@ -165,37 +165,37 @@ impl Channels {
 
     /// Names and values, in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (&str, &[f32])> {
-        self.own.iter().map(|own| (own.name.as_str(), own.values.as_slice()))
+        self.channels.iter().map(|own| (own.name.as_str(), own.values.as_slice()))
     }
 
     /// The names, in order.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
-        self.own.iter().map(|own| own.name.as_str())
+        self.channels.iter().map(|own| own.name.as_str())
     }
 
     /// Whether there is no channel.
     pub fn is_empty(&self) -> bool {
-        self.own.is_empty()
+        self.channels.is_empty()
     }
 
     /// Every channel with other values, made of its own, as many of each. Not finite is not
     /// possible: values are means or parts of what was.
     pub(crate) fn map(&self, values: impl Fn(&[f32]) -> Vec<f32>) -> Channels {
-        let other = |own: &Own| Own {
+        let other = |own: &NamedChannel| NamedChannel {
             name: own.name.clone(),
             values: values(&own.values),
             color: own.color,
         };
         Channels {
-            own: self.own.iter().map(other).collect(),
-            places: self.places.clone(),
+            channels: self.channels.iter().map(other).collect(),
+            indices: self.indices.clone(),
             left_out: self.left_out.clone(),
         }
     }
 
     /// Refuses channels that have not one value for each of `points`.
     pub(super) fn check(&self, points: usize) -> Result<()> {
-        match self.own.first().filter(|own| own.values.len() != points) {
+        match self.channels.first().filter(|own| own.values.len() != points) {
             None => Ok(()),
             Some(own) => Err(Error::Shape {
                 what: format!("values of the channel {} for the points of a cloud", own.name),

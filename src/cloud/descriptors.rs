@@ -52,7 +52,7 @@ impl Descriptors {
     /// assert_eq!(target.row(0)[0] - source.row(1)[0], 2.0);
     /// # Ok::<(), cfreg::Error>(())
     /// ```
-    pub fn both(dim: usize, source: &[f64], target: &[f64]) -> Result<[Descriptors; 2]> {
+    pub fn from_f64_pair(dim: usize, source: &[f64], target: &[f64]) -> Result<[Descriptors; 2]> {
         for (name, side) in [("source_descriptors", source), ("target_descriptors", target)] {
             if let Some(at) = side.iter().position(|value| !value.is_finite()) {
                 return Err(Error::NonFinite { what: name.into(), index: at / dim.max(1) });
@@ -118,7 +118,7 @@ impl Descriptors {
     ///
     /// # Errors
     /// [`Error::Shape`] for no table, or one that has not as many rows as the first.
-    pub fn beside(tables: &[Descriptors]) -> Result<Descriptors> {
+    pub fn concatenate(tables: &[Descriptors]) -> Result<Descriptors> {
         let dim = tables.iter().map(Descriptors::dim).sum();
         let expected = tables.first().map_or(0, Descriptors::len);
         if let Some(other) = tables.iter().find(|table| table.len() != expected) {
@@ -156,12 +156,12 @@ mod tests {
 
     #[test]
     fn what_f32_cannot_hold_is_refused_by_side() {
-        let both = |far| Descriptors::both(2, &[0.0; 4], &[0.0, 0.0, 0.0, far]).unwrap_err();
+        let both = |far| Descriptors::from_f64_pair(2, &[0.0; 4], &[0.0, 0.0, 0.0, far]).unwrap_err();
         assert!(matches!(both(f64::NAN), Error::NonFinite { index: 1, .. }));
         let message = "target_descriptors = 1e19: must be within +-1e18";
         assert_eq!(both(1e19).to_string(), message);
-        assert!(matches!(Descriptors::both(0, &[1.0], &[]), Err(Error::Shape { .. })));
-        assert!(matches!(Descriptors::both(2, &[1.0], &[]), Err(Error::Shape { .. })));
+        assert!(matches!(Descriptors::from_f64_pair(0, &[1.0], &[]), Err(Error::Shape { .. })));
+        assert!(matches!(Descriptors::from_f64_pair(2, &[1.0], &[]), Err(Error::Shape { .. })));
     }
 
     #[test]
@@ -171,13 +171,13 @@ mod tests {
         let square = |table: &Descriptors| -> f32 {
             table.row(0).iter().zip(table.row(1)).map(|(x, y)| (x - y).powi(2)).sum()
         };
-        let both = Descriptors::beside(&[a.clone(), b.clone()]).unwrap();
+        let both = Descriptors::concatenate(&[a.clone(), b.clone()]).unwrap();
         assert_eq!((both.len(), both.dim()), (2, 4));
         assert!((square(&both) - (square(&a) + square(&b)) / 2.0).abs() < 1e-4);
-        assert_eq!(Descriptors::beside(std::slice::from_ref(&a)).unwrap(), a);
+        assert_eq!(Descriptors::concatenate(std::slice::from_ref(&a)).unwrap(), a);
         let short = Descriptors::new(1, vec![1.0]).unwrap();
         for tables in [vec![], vec![a, short]] {
-            assert!(matches!(Descriptors::beside(&tables), Err(Error::Shape { .. })));
+            assert!(matches!(Descriptors::concatenate(&tables), Err(Error::Shape { .. })));
         }
     }
 }

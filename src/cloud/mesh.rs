@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
 /// Most points that are sampled: 2 GB of them.
-pub const MOST_POINTS: usize = 50_000_000;
+pub const MAX_SAMPLED_POINTS: usize = 50_000_000;
 
 /// A triangle mesh.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,8 +54,8 @@ impl Mesh {
     /// [`Error::Config`] for more than [`MOST_POINTS`]; [`Error::Shape`] when a face names a
     /// vertex that is not there; [`Error::TooFewPoints`] when the faces have no area.
     pub fn sample(&self, count: usize, seed: u64) -> Result<PointCloud> {
-        if count > MOST_POINTS {
-            let rule = format!("must be at most {MOST_POINTS}");
+        if count > MAX_SAMPLED_POINTS {
+            let rule = format!("must be at most {MAX_SAMPLED_POINTS}");
             return Err(Error::config("points", count, rule));
         }
         self.check_faces()?;

@@ -6,13 +6,13 @@ mod descriptors;
 mod mesh;
 mod point_cloud;
 mod transform;
-mod viewpoints;
-mod visible;
+mod viewpoint_source;
+mod visible_faces;
 
 pub use channels::{Channels, ColorDepth};
 pub use descriptors::Descriptors;
-pub use mesh::{MOST_POINTS, Mesh};
+pub use mesh::{MAX_SAMPLED_POINTS, Mesh};
 pub use point_cloud::{Attributes, Parts, PointCloud};
-pub(crate) use point_cloud::{check_weights, too_large, unit};
+pub(crate) use point_cloud::{check_weights, find_too_large, normalize_normal};
 pub use transform::Transform;
-pub use viewpoints::Viewpoints;
+pub use viewpoint_source::ViewpointSource;

@@ -16,7 +16,7 @@
 use num_traits::Float;
 
 use super::fpfh::BLOCK;
-use super::pair::Features;
+use super::pair_features::PairFeatures;
 use crate::math;
 
 /// Pairs that are looked at together.
@@ -26,27 +26,27 @@ const HALF: usize = LANES / 2;
 
 /// An angle's sine or cosine nearer than this, times [`Features::growth`], to an edge of bins is
 /// left to f64.
-const DOUBT: f32 = 64.0 * (f32::EPSILON / 2.0);
+const EDGE_TOLERANCE: f32 = 64.0 * (f32::EPSILON / 2.0);
 /// Squared lengths of normals that the bound holds for.
-const LONGEST: f32 = 1.5;
+const MAX_SQUARED_NORMAL: f32 = 1.5;
 /// Squared distances of which f32 loses no digits on the way.
-const FLOATING: std::ops::Range<f32> = 1e-24..1e36;
+const SQUARED_DISTANCE_RANGE: std::ops::Range<f32> = 1e-24..1e36;
 
 /// An oriented point.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Oriented {
+pub(super) struct OrientedPoint {
     pub(super) place: [f32; 3],
     pub(super) normal: [f32; 3],
 }
 
 /// Oriented points, one array an axis.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Lanes {
+pub(super) struct OrientedPointLanes {
     pub(super) place: [[f32; LANES]; 3],
     pub(super) normal: [[f32; LANES]; 3],
 }
 
-impl Lanes {
+impl OrientedPointLanes {
     /// Takes those of a cloud that are named by `others`.
     #[inline(always)]
     pub(super) fn fill(
@@ -66,9 +66,9 @@ impl Lanes {
 
     /// Without closures, which need not be inlined: descriptors then took four times as long.
     #[inline(always)]
-    fn get(&self, k: usize) -> Oriented {
+    fn get(&self, k: usize) -> OrientedPoint {
         let ([x, y, z], [u, v, w]) = (&self.place, &self.normal);
-        Oriented { place: [x[k], y[k], z[k]], normal: [u[k], v[k], w[k]] }
+        OrientedPoint { place: [x[k], y[k], z[k]], normal: [u[k], v[k], w[k]] }
     }
 }
 
@@ -76,34 +76,34 @@ impl Lanes {
 ///
 /// Called within a SIMD dispatch.
 #[inline(always)]
-pub(super) fn bins(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
-    let (found, doubted) = quick(point, others);
-    if doubted == 0 { found } else { exact(point, others) }
+pub(super) fn bins(point: OrientedPoint, others: &OrientedPointLanes) -> [[u32; LANES]; 3] {
+    let (found, doubted) = bins_f32(point, others);
+    if doubted == 0 { found } else { bins_f64(point, others) }
 }
 
 /// In f32, and how many may be wrong.
 #[inline(always)]
-fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
+fn bins_f32(point: OrientedPoint, others: &OrientedPointLanes) -> ([[u32; LANES]; 3], u32) {
     let (mut theta, mut alpha, mut phi) = ([0; LANES], [0; LANES], [0; LANES]);
     let mut doubted = [0u32; LANES];
     let own = math::dot(point.normal, point.normal);
     for k in 0..LANES {
         let other = others.get(k);
-        let features = Features::of(point.place, point.normal, other.place, other.normal);
+        let features = PairFeatures::compute(point.place, point.normal, other.place, other.normal);
         let line = math::sub(other.place, point.place);
         let squared = math::dot(line, line);
         let (t, at) = theta_bin(features.theta);
         let (a, aa) = cosine_bin(features.alpha);
         let (f, af) = cosine_bin(features.phi);
-        let nearest = least(at, least(aa, af));
+        let nearest = min_unchecked(at, min_unchecked(aa, af));
         let longest = |own: f32, other: f32| if own > other { own } else { other };
         let length = longest(own, math::dot(other.normal, other.normal));
         // Written so that NaN is in doubt.
-        let sure = (nearest > DOUBT * features.growth)
-            & (features.lead > DOUBT)
-            & (length < LONGEST)
-            & (squared > FLOATING.start)
-            & (squared < FLOATING.end);
+        let sure = (nearest > EDGE_TOLERANCE * features.rounding_gain)
+            & (features.cosine_gap > EDGE_TOLERANCE)
+            & (length < MAX_SQUARED_NORMAL)
+            & (squared > SQUARED_DISTANCE_RANGE.start)
+            & (squared < SQUARED_DISTANCE_RANGE.end);
         (theta[k], alpha[k], phi[k]) = (bits(t), bits(a), bits(f));
         doubted[k] = u32::from(!sure);
     }
@@ -112,7 +112,7 @@ fn quick(point: Oriented, others: &Lanes) -> ([[u32; LANES]; 3], u32) {
 
 /// In f64.
 #[inline(always)]
-fn exact(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
+fn bins_f64(point: OrientedPoint, others: &OrientedPointLanes) -> [[u32; LANES]; 3] {
     let mut found = [[0; LANES]; 3];
     let (place, normal) = (point.place.map(f64::from), point.normal.map(f64::from));
     for half in 0..LANES / HALF {
@@ -120,7 +120,7 @@ fn exact(point: Oriented, others: &Lanes) -> [[u32; LANES]; 3] {
         for k in 0..HALF {
             let other = others.get(half * HALF + k);
             let (to, n) = (other.place.map(f64::from), other.normal.map(f64::from));
-            let features = Features::of(place, normal, to, n);
+            let features = PairFeatures::compute(place, normal, to, n);
             theta[k] = theta_bin(features.theta).0;
             alpha[k] = cosine_bin(features.alpha).0;
             phi[k] = cosine_bin(features.phi).0;
@@ -154,7 +154,7 @@ fn theta_bin<T: Float>([x, y]: [T; 2]) -> (T, T) {
     for [cos, sin] in EDGES {
         let side = constant::<T>(cos) * y.abs() - constant::<T>(sin) * x;
         beyond = beyond + if side > zero { one } else { zero };
-        nearest = least(nearest, side.abs());
+        nearest = min_unchecked(nearest, side.abs());
     }
     (constant::<T>((BLOCK / 2) as f64) + beyond.copysign(y), nearest)
 }
@@ -164,15 +164,15 @@ fn theta_bin<T: Float>([x, y]: [T; 2]) -> (T, T) {
 fn cosine_bin<T: Float>(cosine: T) -> (T, T) {
     let at = (cosine + T::one()) * constant(0.5) * constant(BLOCK as f64);
     let bin = at.floor();
-    let nearest = least(at - bin, bin + T::one() - at);
-    (within(bin, (BLOCK - 1) as f64), nearest * constant(2.0 / BLOCK as f64))
+    let nearest = min_unchecked(at - bin, bin + T::one() - at);
+    (clamp_bin(bin, (BLOCK - 1) as f64), nearest * constant(2.0 / BLOCK as f64))
 }
 
 /// At least 0 and at most `last`; 0 for NaN.
 #[inline(always)]
-fn within<T: Float>(bin: T, last: f64) -> T {
+fn clamp_bin<T: Float>(bin: T, last: f64) -> T {
     let some = if bin > T::zero() { bin } else { T::zero() };
-    least(some, constant(last))
+    min_unchecked(some, constant(last))
 }
 
 #[inline(always)]
@@ -182,7 +182,7 @@ fn constant<T: Float>(value: f64) -> T {
 
 /// The less of two, by one instruction: `min` looks for NaN as well.
 #[inline(always)]
-fn least<T: Float>(a: T, b: T) -> T {
+fn min_unchecked<T: Float>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
@@ -200,10 +200,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn of_all(point: Oriented, others: &[Oriented]) -> Lanes {
+    fn of_all(point: OrientedPoint, others: &[OrientedPoint]) -> OrientedPointLanes {
         let other = |k: usize| others[k % others.len()];
-        let axis = |of: &dyn Fn(Oriented) -> f32| std::array::from_fn(|k| of(other(k)));
-        Lanes {
+        let axis = |of: &dyn Fn(OrientedPoint) -> f32| std::array::from_fn(|k| of(other(k)));
+        OrientedPointLanes {
             place: [0, 1, 2].map(|a| axis(&|other| other.place[a] + point.place[a])),
             normal: [0, 1, 2].map(|a| axis(&|other| other.normal[a])),
         }
@@ -215,7 +215,7 @@ mod tests {
 
     /// Some in general position; some where rounding decides: in one plane, on one line, with
     /// opposite normals, along the line, nearly so, of no length, near or far.
-    fn oriented() -> impl Strategy<Value = Oriented> {
+    fn oriented() -> impl Strategy<Value = OrientedPoint> {
         let place = proptest::array::uniform3(prop_oneof![
             -1.0..1.0f32,
             -1e-6..1e-6f32,
@@ -234,7 +234,7 @@ mod tests {
             Just([1.0, 0.0, 0.0]),
             Just([0.0; 3]),
         ];
-        (place, normal).prop_map(|(place, normal)| Oriented { place, normal })
+        (place, normal).prop_map(|(place, normal)| OrientedPoint { place, normal })
     }
 
     proptest! {
@@ -247,17 +247,17 @@ mod tests {
         ) {
             for other in others {
                 let lanes = of_all(point, &[other]);
-                let (found, doubted) = quick(point, &lanes);
+                let (found, doubted) = bins_f32(point, &lanes);
                 if doubted == 0 {
-                    prop_assert_eq!(found, exact(point, &lanes));
+                    prop_assert_eq!(found, bins_f64(point, &lanes));
                 }
-                prop_assert_eq!(bins(point, &lanes), exact(point, &lanes));
+                prop_assert_eq!(bins(point, &lanes), bins_f64(point, &lanes));
             }
         }
     }
 
     /// A point at the origin and another, with one angle at an edge of its bins but for rounding.
-    fn at_an_edge() -> impl Strategy<Value = (Oriented, Oriented)> {
+    fn at_an_edge() -> impl Strategy<Value = (OrientedPoint, OrientedPoint)> {
         let turn = proptest::array::uniform3(-1.0..1.0f64);
         let edge = (0..3usize, 1..BLOCK, -1.0..1.0f64, -PI..PI);
         let lengths = prop_oneof![Just(1.0), 0.1..10.0f64];
@@ -283,8 +283,8 @@ mod tests {
             let round = (1.0 - alpha * alpha).sqrt();
             let normal = of([round * theta.sin(), -alpha, round * theta.cos()].map(|x| length * x));
             let place = of([(1.0 - phi * phi).sqrt(), 0.0, phi]);
-            let first = Oriented { place: [0.0; 3], normal: of([0.0, 0.0, length]) };
-            (first, Oriented { place, normal })
+            let first = OrientedPoint { place: [0.0; 3], normal: of([0.0, 0.0, length]) };
+            (first, OrientedPoint { place, normal })
         })
     }
 
@@ -294,28 +294,28 @@ mod tests {
         #[test]
         fn rounding_at_an_edge_is_left_to_f64((point, other) in at_an_edge()) {
             let lanes = of_all(point, &[other]);
-            prop_assert_eq!(bins(point, &lanes), exact(point, &lanes));
+            prop_assert_eq!(bins(point, &lanes), bins_f64(point, &lanes));
         }
     }
 
     #[test]
     fn few_pairs_of_a_surface_are_left_to_f64() {
         // An ellipsoid, evenly covered.
-        let oriented: Vec<Oriented> = (0..2000)
+        let oriented: Vec<OrientedPoint> = (0..2000)
             .map(|i| {
                 let z = (2 * i + 1) as f64 / 2000.0 - 1.0;
                 let (sin, cos) = (2.399_963 * f64::from(i)).sin_cos();
                 let (x, y) = ((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin);
                 let place = [x, 0.7 * y, 0.4 * z].map(|x| x as f32);
-                Oriented { place, normal: unit([x, y / 0.7, z / 0.4]) }
+                OrientedPoint { place, normal: unit([x, y / 0.7, z / 0.4]) }
             })
             .collect();
         let doubted = |i: usize, j: usize| {
-            let there = Lanes {
+            let there = OrientedPointLanes {
                 place: oriented[j].place.map(|x| [x; LANES]),
                 normal: oriented[j].normal.map(|x| [x; LANES]),
             };
-            quick(oriented[i], &there).1 > 0
+            bins_f32(oriented[i], &there).1 > 0
         };
         let pairs = (0..2000).flat_map(|i| (1..20).map(move |j| (i, (i + 7 * j) % 2000)));
         let (all, left) =

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
-use super::simple::Simple;
+use super::spfh::SpfhBuilder;
 use crate::cloud::Descriptors;
 use crate::error::{Error, Result};
 use crate::par;
@@ -23,7 +23,7 @@ const LANES: usize = 8;
 const STRIDE: usize = BINS.next_multiple_of(LANES);
 
 /// Sum of a finished block on the scale of PCL.
-pub(super) const FULL: f64 = 100.0;
+pub(super) const BLOCK_SUM: f64 = 100.0;
 
 /// Two libraries, two histograms. Squared distances differ by a factor of about four, so
 /// a bandwidth β belongs to a scale.
@@ -115,12 +115,12 @@ pub fn fpfh_at(
     let mut needed = vec![!some; points.len()];
     for &i in rows.iter().filter(|_| some) {
         needed[i] = true;
-        neighbors.of(i).iter().for_each(|&neighbor| needed[neighbor as usize] = true);
+        neighbors.indices(i).iter().for_each(|&neighbor| needed[neighbor as usize] = true);
     }
     // In the order in which neighbours follow each other, whatever that of the cloud is.
     let order = neighbors.order();
     let mut simple = vec![0.0f32; points.len() * STRIDE];
-    par::for_each_row(&mut simple, STRIDE, Simple::default, |scratch, at, row| {
+    par::for_each_row(&mut simple, STRIDE, SpfhBuilder::default, |scratch, at, row| {
         let i = order[at] as usize;
         if needed[i] {
             scratch.histograms(points, normals, neighbors, i, row);
@@ -130,11 +130,11 @@ pub fn fpfh_at(
     let mut places: Vec<u32> = (0..rows.len() as u32).collect();
     places.sort_by_key(|&at| neighbors.row(rows[at as usize]));
     let simple = simple.as_chunks().0;
-    let describe = |weights: &mut Weights, at: usize| {
+    let describe = |weights: &mut WeightScratch, at: usize| {
         let i = rows[places[at] as usize];
-        pulp::Arch::new().dispatch(Weighted { points, simple, neighbors, scale, i, weights })
+        pulp::Arch::new().dispatch(WeightSpfh { points, spfh: simple, neighbors, scale, i, weights })
     };
-    let described = par::map(rows.len(), Weights::default, describe);
+    let described = par::map(rows.len(), WeightScratch::default, describe);
     let mut full = vec![0.0f32; rows.len() * BINS];
     for (&at, row) in places.iter().zip(&described) {
         full[at as usize * BINS..][..BINS].copy_from_slice(row);
@@ -144,30 +144,30 @@ pub fn fpfh_at(
 
 /// Scratch: of each neighbour in turn, the squared distance and what its histogram weighs.
 #[derive(Default)]
-struct Weights {
+struct WeightScratch {
     distances: Vec<f32>,
     weights: Vec<f64>,
 }
 
 /// The neighbours' SPFH weighted by 1/d², each block normalised: FPFH.
-struct Weighted<'a> {
+struct WeightSpfh<'a> {
     points: &'a [[f32; 3]],
     /// In the order of the neighbourhoods' rows.
-    simple: &'a [[f32; STRIDE]],
+    spfh: &'a [[f32; STRIDE]],
     neighbors: &'a Neighbors,
     scale: HistogramScale,
     i: usize,
-    weights: &'a mut Weights,
+    weights: &'a mut WeightScratch,
 }
 
-impl WithSimd for Weighted<'_> {
+impl WithSimd for WeightSpfh<'_> {
     type Output = [f32; BINS];
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> [f32; BINS] {
-        let Weighted { points, simple, neighbors, scale, i, weights } = self;
-        let Weights { distances, weights } = weights;
-        let (others, point) = (neighbors.of(i), points[i]);
+        let WeightSpfh { points, spfh: simple, neighbors, scale, i, weights } = self;
+        let WeightScratch { distances, weights } = weights;
+        let (others, point) = (neighbors.indices(i), points[i]);
         distances.clear();
         distances.extend(others.iter().map(|&j| squared_distance(point, points[j as usize])));
         weights.resize(others.len(), 0.0);
@@ -200,7 +200,7 @@ impl WithSimd for Weighted<'_> {
         for block in 0..3 {
             let range = block * BLOCK..(block + 1) * BLOCK;
             let total: f64 = sums[range.clone()].iter().sum();
-            let factor = if total > 0.0 { FULL / total } else { 0.0 };
+            let factor = if total > 0.0 { BLOCK_SUM / total } else { 0.0 };
             for bin in range {
                 let own = match scale {
                     HistogramScale::Pcl => 0.0,

@@ -2,7 +2,7 @@
 
 mod bin;
 mod fpfh;
-mod pair;
-mod simple;
+mod pair_features;
+mod spfh;
 
 pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh, fpfh_at};

@@ -27,7 +27,7 @@ pub(super) fn write<R: Serialize>(path: &Path, maker: &impl Serialize, rows: &[R
 
 /// Reads what [`write`] wrote, if it is there, whole and by this very maker.
 pub(super) fn read<R: DeserializeOwned>(path: &Path, maker: &impl Serialize) -> Option<Vec<R>> {
-    let text = io::guard::text(path, 1 << 30, "a table").ok()?;
+    let text = io::limited_file::read_text(path, 1 << 30, "a table").ok()?;
     let (first, body) = text.split_once('\n')?;
     if first != first_line(maker) {
         return None;

@@ -49,7 +49,7 @@ impl Views {
             }
         }
         let (center, distance) = (mesh.centroid(), DISTANCE * math::norm(math::sub(high, low)));
-        mesh.seen_from(math::add(center, [0.0, 0.0, distance]))?;
+        mesh.visible_faces(math::add(center, [0.0, 0.0, distance]))?;
         Ok(Views { mesh, center, distance })
     }
 
@@ -89,7 +89,7 @@ impl Views {
         let seeds = [rng.next_u64(), rng.next_u64()];
         let pair = self.pair(direction, axis, overlap)?;
         let cloud = |at: usize| {
-            let part = self.mesh.only(&pair.seen[at])?;
+            let part = self.mesh.select_faces(&pair.seen[at])?;
             part.sample(points, seeds[at])?.with_viewpoint(pair.sensors[at])
         };
         let (source, target) = (cloud(0)?, cloud(1)?.transformed(&truth)?);
@@ -102,10 +102,10 @@ impl Views {
             let turn = Transform::from_rotation_vector(math::scaled(axis, angle));
             math::add(self.center, math::scaled(turn.rotate(direction), self.distance))
         };
-        let first = self.mesh.seen_from(sensor(0.0))?;
+        let first = self.mesh.visible_faces(sensor(0.0))?;
         let area = self.mesh.area_of(&first)?;
         let view = |angle: f64| {
-            let seen = self.mesh.seen_from(sensor(angle))?;
+            let seen = self.mesh.visible_faces(sensor(angle))?;
             let both: Vec<bool> = first.iter().zip(&seen).map(|(&a, &b)| a && b).collect();
             let overlap = if area > 0.0 { self.mesh.area_of(&both)? / area } else { 0.0 };
             let seen = [first.clone(), seen];

@@ -1,6 +1,6 @@
 //! Fewer points: voxel grid and random sample, and one point a place.
 
-mod places;
+mod duplicates;
 
 use rand::SeedableRng;
 use rand::seq::index;
@@ -13,12 +13,12 @@ use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::search;
 
-pub use self::places::{NoReturns, no_returns, without_no_returns};
-pub(crate) use self::places::{distinct_places, remove_no_returns};
+pub use self::duplicates::{NoReturns, find_no_returns, remove_no_returns};
+pub(crate) use self::duplicates::{merge_duplicate_points, select_returns};
 
 /// How many points of a cloud are used.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Thinning {
+pub struct Downsampling {
     /// Side of the cubes of which one point (the mean) is kept, in the cloud's unit.
     pub voxel: Option<f64>,
     /// Points that are kept, drawn at random after that.
@@ -27,7 +27,7 @@ pub struct Thinning {
     pub seed: u64,
 }
 
-impl Thinning {
+impl Downsampling {
     /// Refuses what no cloud can be thinned by.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Thinning {
 /// [`Error::Config`] when `size` is not positive and finite, or so small that a side of
 /// the box has more than 2⁶² cubes.
 pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
-    let members = cubes(cloud, size)?;
+    let members = voxels(cloud, size)?;
     if members.is_empty() {
         return Ok(cloud.clone());
     }
@@ -104,7 +104,7 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
         weights: totals.as_deref(),
         channels: Some(&channels),
     };
-    cloud.replaced(&points, has)
+    cloud.with_points(&points, has)
 }
 
 /// Refuses a side that no cube has.
@@ -122,7 +122,7 @@ pub(crate) fn check_voxel(size: f64) -> Result<()> {
 ///
 /// # Errors
 /// Those of [`voxel_grid`].
-pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
+pub(crate) fn voxels(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
     check_voxel(size)?;
     let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
@@ -133,7 +133,7 @@ pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
     let mut cells: FxHashMap<[i64; 3], usize> = FxHashMap::default();
     let mut members: Vec<Vec<usize>> = Vec::new();
     for (i, p) in cloud.positions().enumerate() {
-        let cell = *cells.entry(cube(p, low, size)).or_insert_with(|| {
+        let cell = *cells.entry(voxel_index(p, low, size)).or_insert_with(|| {
             members.push(Vec::new());
             members.len() - 1
         });
@@ -143,9 +143,9 @@ pub(crate) fn cubes(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
 }
 
 /// Points a cube by which cubes are counted.
-const ENOUGH: usize = 20;
+const POINTS_PER_VOXEL: usize = 20;
 
-fn cube(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
+fn voxel_index(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
     math::sub(p, low).map(|x| (x / size).floor() as i64)
 }
 
@@ -158,16 +158,16 @@ fn cube(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
 ///
 /// # Errors
 /// Those of [`search::resolution`].
-pub fn voxel_side(cloud: &PointCloud, count: usize) -> Result<f64> {
+pub fn voxel_size_for(cloud: &PointCloud, count: usize) -> Result<f64> {
     if cloud.len() <= count {
         return Ok(1.5 * search::resolution(cloud.points())?);
     }
     let Some((low, high)) = cloud.bounds() else { return Ok(0.0) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     // Of a dense cloud a part of the points fills nearly as many cubes.
-    let step = (cloud.len() / count.saturating_mul(ENOUGH).max(1)).max(1);
+    let step = (cloud.len() / count.saturating_mul(POINTS_PER_VOXEL).max(1)).max(1);
     let occupied = |size: f64| {
-        let some = cloud.positions().step_by(step).map(|p| cube(p, low, size));
+        let some = cloud.positions().step_by(step).map(|p| voxel_index(p, low, size));
         some.collect::<FxHashSet<[i64; 3]>>().len() as f64
     };
     // Surfaces hold cubes by the square of their side; twelve steps are for what is not one.
@@ -181,7 +181,7 @@ pub fn voxel_side(cloud: &PointCloud, count: usize) -> Result<f64> {
         side *= ratio.sqrt().clamp(0.25, 4.0);
     }
     // However small cubes are, as many are not filled where rows share fewer places.
-    if ratio < 0.9 && longest > 0.0 && places::count(cloud.points().iter().step_by(step)) <= count {
+    if ratio < 0.9 && longest > 0.0 && duplicates::count_distinct(cloud.points().iter().step_by(step)) <= count {
         return Ok(1.5 * search::resolution(cloud.points())?);
     }
     Ok(side)
@@ -247,15 +247,15 @@ mod tests {
             let at = |i: usize| [unit * (i % 200) as f64, unit * (i / 200) as f64, 7.0 * unit];
             PointCloud::new(&(0..40_000).map(at).collect::<Vec<_>>()).unwrap()
         };
-        let side = voxel_side(&plane(1.0), 1000).unwrap();
+        let side = voxel_size_for(&plane(1.0), 1000).unwrap();
         let left = voxel_grid(&plane(1.0), side).unwrap().len();
         assert!((850..=1150).contains(&left), "{left}");
-        assert_eq!(voxel_side(&plane(1024.0), 1000).unwrap(), 1024.0 * side);
+        assert_eq!(voxel_size_for(&plane(1024.0), 1000).unwrap(), 1024.0 * side);
         // No more points than that: nothing to thin.
-        assert_eq!(voxel_side(&plane(1.0), 40_000).unwrap(), 1.5);
+        assert_eq!(voxel_size_for(&plane(1.0), 40_000).unwrap(), 1.5);
         let same = PointCloud::new(&[[1.0, 2.0, 3.0]; 50]).unwrap();
-        assert_eq!(voxel_side(&same, 10).unwrap(), 0.0);
-        assert_eq!(voxel_side(&PointCloud::default(), 10).unwrap(), 0.0);
+        assert_eq!(voxel_size_for(&same, 10).unwrap(), 0.0);
+        assert_eq!(voxel_size_for(&PointCloud::default(), 10).unwrap(), 0.0);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Which columns of a file hold what.
 
-use super::differences::{Differences, short};
-use super::fault::{Fault, shown};
+use super::differences::{Differences, truncate_name};
+use super::content_error::{ContentError, quote_start};
 use super::lines::number;
-use super::names::{Names, channel_name};
+use super::names::{UniqueNames, channel_name};
 use crate::cloud::{Channels, ColorDepth};
 
 /// The numbers of a row: x, y, z, the normal, then what else there is, in the order of its columns.
@@ -49,7 +49,7 @@ pub(super) fn color(name: &str) -> Option<usize> {
 
 /// What the numbers of a column beside positions and normals are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum ColumnKind {
     /// Numbers that stand for themselves.
     Number,
     /// Text called as one of [`COLORS`]: whole numbers may be colours, others are numbers.
@@ -65,11 +65,11 @@ pub(super) enum Kind {
 
 /// A column beside positions and normals.
 #[derive(Debug, Clone)]
-pub(super) struct Extra {
+pub(super) struct ExtraColumn {
     /// Name of the channel that it becomes, or `weight`.
     pub(super) name: String,
     column: usize,
-    pub(super) kind: Kind,
+    pub(super) kind: ColumnKind,
 }
 
 /// What the columns of each slot of a [`Vertex`] are called, in any case.
@@ -97,29 +97,29 @@ enum Use {
 
 /// Which columns hold the numbers of a [`Vertex`].
 #[derive(Debug, Clone, Default)]
-pub(super) struct Columns {
+pub(super) struct ColumnMap {
     /// Columns and what they are for, ascending.
     uses: Vec<(usize, Use)>,
-    extras: Vec<Extra>,
+    extras: Vec<ExtraColumn>,
     has_normals: bool,
     differences: Differences,
 }
 
-impl Columns {
+impl ColumnMap {
     /// x, y, z first, then the normal if there is one.
-    pub fn plain(has_normals: bool) -> Columns {
+    pub fn plain(has_normals: bool) -> ColumnMap {
         let slots = if has_normals { 6 } else { 3 };
         let uses = (0..slots).map(|slot| (slot, Use::Slot(slot))).collect();
-        Columns { uses, has_normals, ..Columns::default() }
+        ColumnMap { uses, has_normals, ..ColumnMap::default() }
     }
 
     /// Finds the columns by their names; a normal counts when it is there in full.
     /// Other columns are extras, under the name of a channel that no other has; those called
     /// `None` have no single number. The error says which name is missing, or there twice.
-    pub fn named<'a>(names: impl Iterator<Item = Option<&'a str>>) -> Result<Columns, String> {
-        let mut columns = Columns::default();
+    pub fn from_names<'a>(names: impl Iterator<Item = Option<&'a str>>) -> Result<ColumnMap, String> {
+        let mut columns = ColumnMap::default();
         let mut slots = [None; 6];
-        let mut taken = Names::default();
+        let mut taken = UniqueNames::default();
         for (column, name) in names.enumerate() {
             let Some(name) = name else { continue };
             if let Some(slot) = slot(name) {
@@ -131,12 +131,12 @@ impl Columns {
             }
             let is_weight = name.eq_ignore_ascii_case("weight");
             let wanted = if is_weight { "weight".into() } else { channel_name(name, column) };
-            let own = taken.take(wanted);
+            let own = taken.make_unique(wanted);
             if own != name && !(is_weight && own == "weight") {
                 columns.differences.rename(name, &own);
             }
             columns.uses.push((column, Use::Extra(columns.extras.len())));
-            columns.extras.push(Extra { name: own, column, kind: Kind::Number });
+            columns.extras.push(ExtraColumn { name: own, column, kind: ColumnKind::Number });
         }
         if let Some(missing) = (0..3).find(|&slot| slots[slot].is_none()) {
             return Err(format!("there is no {}, expected x, y and z", SLOTS[missing][0]));
@@ -153,7 +153,7 @@ impl Columns {
     }
 
     /// The same columns, the numbers of the others as `kind` says by name and column.
-    pub fn of_kinds(mut self, kind: impl Fn(&str, usize) -> Kind) -> Columns {
+    pub fn with_kinds(mut self, kind: impl Fn(&str, usize) -> ColumnKind) -> ColumnMap {
         for extra in &mut self.extras {
             extra.kind = kind(&extra.name, extra.column);
         }
@@ -161,7 +161,7 @@ impl Columns {
     }
 
     /// The columns beside positions and normals.
-    pub fn extras(&self) -> &[Extra] {
+    pub fn extras(&self) -> &[ExtraColumn] {
         &self.extras
     }
 
@@ -176,14 +176,14 @@ impl Columns {
     }
 
     /// The same columns, each moved to where `place` says, which keeps their order.
-    pub fn moved(mut self, place: impl Fn(usize) -> usize) -> Columns {
+    pub fn with_moved_columns(mut self, place: impl Fn(usize) -> usize) -> ColumnMap {
         self.uses.iter_mut().for_each(|(column, _)| *column = place(*column));
         self.extras.iter_mut().for_each(|extra| extra.column = place(extra.column));
         self
     }
 
     /// The three columns of positions.
-    pub fn places(&self) -> [usize; 3] {
+    pub fn position_columns(&self) -> [usize; 3] {
         let place = |slot| self.uses.iter().find(|(_, own)| *own == Use::Slot(slot));
         [0, 1, 2].map(|slot| place(slot).map_or(0, |&(column, _)| column))
     }
@@ -206,7 +206,7 @@ impl Columns {
         vertex: &mut Vertex,
         words: impl Iterator<Item = &'a str> + Clone,
         line: usize,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ContentError> {
         vertex.clear();
         let (mut rest, mut next) = (words.clone(), 0);
         for &(column, own) in &self.uses {
@@ -218,16 +218,16 @@ impl Columns {
                 (Use::Slot(slot), None) => {
                     let name = SLOTS[slot][0];
                     let what = match word {
-                        Some(word) => format!("{name} is {}, not a number", shown(word)),
+                        Some(word) => format!("{name} is {}, not a number", quote_start(word)),
                         None => format!(
                             "the line has {} columns, {name} is expected in column {next}",
                             words.count()
                         ),
                     };
-                    return Err(Fault::line(line, what));
+                    return Err(ContentError::line(line, what));
                 }
                 (Use::Extra(extra), value) => {
-                    if let Kind::Text(color) = self.extras[extra].kind
+                    if let ColumnKind::Text(color) = self.extras[extra].kind
                         && !word.is_some_and(|word| word.bytes().all(|c| c.is_ascii_digit()))
                     {
                         vertex.decimal |= 1 << color;
@@ -240,7 +240,7 @@ impl Columns {
     }
 
     /// The same, noting columns that have no name, up to `width`.
-    pub fn without_names(mut self, width: usize) -> Columns {
+    pub fn without_names(mut self, width: usize) -> ColumnMap {
         let named = self.uses.len();
         match width.saturating_sub(named) {
             0 => {}
@@ -254,22 +254,22 @@ impl Columns {
 }
 
 /// The words for a column whose value in `row`, from 0, is no number that f32 holds.
-pub(super) fn no_number(name: &str, row: usize) -> String {
-    format!("{} (no finite number at point {row})", short(name))
+pub(super) fn not_a_number_message(name: &str, row: usize) -> String {
+    format!("{} (no finite number at point {row})", truncate_name(name))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn named(names: &str) -> Result<Columns, String> {
-        Columns::named(names.split(',').map(Some))
+    fn named(names: &str) -> Result<ColumnMap, String> {
+        ColumnMap::from_names(names.split(',').map(Some))
     }
 
     #[test]
     fn columns_are_found_by_name() {
         let columns = named("i,Z,Y,X,normal_x,NY,nz").unwrap();
-        assert_eq!(columns.places(), [3, 2, 1]);
+        assert_eq!(columns.position_columns(), [3, 2, 1]);
         let mut vertex = Vertex::default();
         columns.fill(&mut vertex, |column| column as f64);
         assert_eq!((vertex.place, vertex.normal), ([3.0, 2.0, 1.0], [4.0, 5.0, 6.0]));
@@ -295,7 +295,7 @@ mod tests {
     fn whole_numbers_are_told_from_others() {
         let columns = named("red,x,y,z,alpha,glow")
             .unwrap()
-            .of_kinds(|name, _| color(name).map_or(Kind::Number, Kind::Text));
+            .with_kinds(|name, _| color(name).map_or(ColumnKind::Number, ColumnKind::Text));
         let mut vertex = Vertex::default();
         for (line, decimal) in [("7 1 2 3 9 0.5", 0), ("7. 1 2 3 9 1", 1), ("7 1 2 3 -9 1", 8)] {
             columns.parse(&mut vertex, line.split(' '), 1).unwrap();

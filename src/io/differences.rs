@@ -22,7 +22,7 @@ impl Differences {
     }
 
     /// These, then `others`.
-    pub fn and(mut self, others: Differences) -> Differences {
+    pub fn merge(mut self, others: Differences) -> Differences {
         self.left_out.extend(others.left_out);
         self.changed.extend(others.changed);
         self
@@ -49,17 +49,17 @@ impl Differences {
 
     /// Adds a name that is changed.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
-        let from = if from.is_empty() { "a column without a name".into() } else { short(from) };
-        self.change(format!("{from} is called {}", short(to)));
+        let from = if from.is_empty() { "a column without a name".into() } else { truncate_name(from) };
+        self.change(format!("{from} is called {}", truncate_name(to)));
     }
 }
 
 impl fmt::Display for Differences {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const MOST: usize = 8;
+        const MAX_LISTED: usize = 8;
         let listed = |all: &[String]| {
-            let first = all[..all.len().min(MOST)].join(", ");
-            match all.len().saturating_sub(MOST) {
+            let first = all[..all.len().min(MAX_LISTED)].join(", ");
+            match all.len().saturating_sub(MAX_LISTED) {
                 0 => first,
                 more => format!("{first} and {more} more"),
             }
@@ -76,7 +76,7 @@ impl fmt::Display for Differences {
 }
 
 /// A name as it fits into a line: without control characters, its start where it is long.
-pub(super) fn short(name: &str) -> String {
+pub(super) fn truncate_name(name: &str) -> String {
     const LONGEST: usize = 40;
     let plain = |c: char| if c.is_control() { '?' } else { c };
     let start: String = name.chars().take(LONGEST).map(plain).collect();

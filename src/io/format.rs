@@ -16,7 +16,7 @@ pub enum Format {
 }
 
 /// How far into a file one has to look to know its format, bytes.
-const GLANCE: usize = 4096;
+const DETECTION_BYTES: usize = 4096;
 
 impl Format {
     /// The format of the file `path` that begins with `content`: what the content
@@ -28,7 +28,7 @@ impl Format {
     /// assert_eq!(misnamed, Some(Format::Ply));
     /// ```
     pub fn detect(path: &Path, content: &[u8]) -> Option<Format> {
-        let glance = &content[..content.len().min(GLANCE)];
+        let glance = &content[..content.len().min(DETECTION_BYTES)];
         let textual = (!glance.contains(&0)).then_some(Format::Text);
         Self::from_content(glance).or_else(|| Self::from_extension(path)).or(textual)
     }

@@ -4,13 +4,13 @@
 use std::io::{self, Write};
 
 use super::columns::{COLORS, color};
-use super::differences::{Differences, short};
-use super::names::{Names, spelled};
+use super::differences::{Differences, truncate_name};
+use super::names::{UniqueNames, sanitize_name};
 use crate::cloud::{Channels, ColorDepth, PointCloud};
 
 /// The fields beside positions and normals that a cloud is written with.
 #[derive(Default)]
-pub(super) struct Layout<'a> {
+pub(super) struct FieldLayout<'a> {
     pub fields: Vec<Field<'a>>,
     /// In what they differ from what the cloud has.
     pub differences: Differences,
@@ -19,12 +19,12 @@ pub(super) struct Layout<'a> {
 /// A field beside positions and normals.
 pub(super) struct Field<'a> {
     pub name: String,
-    pub stored: Stored<'a>,
+    pub stored: FieldData<'a>,
 }
 
 /// How the values of a field are stored.
 #[derive(Clone, Copy)]
-pub(super) enum Stored<'a> {
+pub(super) enum FieldData<'a> {
     Float(&'a [f32]),
     /// As f64, where a float of that name would be taken for something else.
     Double(&'a [f32]),
@@ -39,19 +39,19 @@ pub(super) fn is_single(cloud: &PointCloud) -> bool {
     cloud.origin() == [0.0; 3]
 }
 
-impl<'a> Layout<'a> {
+impl<'a> FieldLayout<'a> {
     /// As PLY has it: colours in bytes, or in two each; names are letters, digits, _ and -.
     pub fn ply(cloud: &'a PointCloud) -> Self {
         let stored = |name: &str, values| match cloud.channels().color_depth(name) {
-            Some(depth) => Stored::Level(depth, values),
-            None => Stored::Float(values),
+            Some(depth) => FieldData::Level(depth, values),
+            None => FieldData::Float(values),
         };
         let spell = |name: &str| {
-            let name = spelled(name, |c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+            let name = sanitize_name(name, |c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
             let fits = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
             if fits { name } else { format!("_{name}") }
         };
-        let mut layout = Layout::new(cloud, &[], spell, stored);
+        let mut layout = FieldLayout::new(cloud, &[], spell, stored);
         layout.leave_out_viewpoint(cloud);
         layout
     }
@@ -61,26 +61,26 @@ impl<'a> Layout<'a> {
         let channels = cloud.channels();
         let of_color = |name| channels.color_depth(name).and_then(|_| channels.get(name));
         let colors = || Some([of_color("red")?, of_color("green")?, of_color("blue")?]);
-        let packed = colors().map(|colors| Stored::Packed(colors, of_color("alpha")));
+        let packed = colors().map(|colors| FieldData::Packed(colors, of_color("alpha")));
         // Its name is not for another field.
         let (taken, is_packed): (&[&str], _) = match packed {
-            Some(Stored::Packed(_, Some(_))) => (&["rgba"], [true; 4]),
+            Some(FieldData::Packed(_, Some(_))) => (&["rgba"], [true; 4]),
             Some(_) => (&["rgb"], [true, true, true, false]),
             None => (&[], [false; 4]),
         };
         let spell = |name: &str| {
             let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-            let name = spelled(name, fits);
+            let name = sanitize_name(name, fits);
             if name.is_empty() || name == "_" { "column".into() } else { name }
         };
-        let stored = |_: &str, values| Stored::Float(values);
-        let mut layout = Layout::new(cloud, taken, spell, stored);
+        let stored = |_: &str, values| FieldData::Float(values);
+        let mut layout = FieldLayout::new(cloud, taken, spell, stored);
         for field in &mut layout.fields {
             // Four bytes of that name are colours.
-            if let ("rgb" | "rgba", Stored::Float(values)) =
+            if let ("rgb" | "rgba", FieldData::Float(values)) =
                 (field.name.to_ascii_lowercase().as_str(), field.stored)
             {
-                field.stored = Stored::Double(values);
+                field.stored = FieldData::Double(values);
             }
         }
         let is_packed = |name: &str| color(name).is_some_and(|color| is_packed[color]);
@@ -91,7 +91,7 @@ impl<'a> Layout<'a> {
                 Some(ColorDepth::Sixteen) if is_packed(name) => {
                     layout.differences.change(format!("{name} is rounded from 16 to 8 bits"));
                 }
-                Some(_) if !is_packed(name) => layout.number_from(name),
+                Some(_) if !is_packed(name) => layout.note_color_as_number(name),
                 _ => {}
             }
         }
@@ -110,20 +110,20 @@ impl<'a> Layout<'a> {
     /// As text has it: whole numbers for colours that are known by them; where names are a line
     /// of their own (`bare`), none begins with a digit.
     pub fn text(cloud: &'a PointCloud, bare: bool) -> Self {
-        let whole = whole_colors(cloud.channels());
+        let whole = integer_color_depth(cloud.channels());
         let stored = |name: &str, values| match cloud.channels().color_depth(name) {
-            Some(depth) if Some(depth) == whole => Stored::Level(depth, values),
-            _ => Stored::Float(values),
+            Some(depth) if Some(depth) == whole => FieldData::Level(depth, values),
+            _ => FieldData::Float(values),
         };
         let spell = |name: &str| match name.starts_with(|c: char| c.is_ascii_digit()) {
             true if bare => format!("_{name}"),
             _ => name.into(),
         };
-        let mut layout = Layout::new(cloud, &[], spell, stored);
+        let mut layout = FieldLayout::new(cloud, &[], spell, stored);
         for name in cloud.channels().names() {
             let depth = cloud.channels().color_depth(name);
             if depth.is_some() && depth != whole {
-                layout.number_from(name);
+                layout.note_color_as_number(name);
             }
         }
         layout.leave_out_viewpoint(cloud);
@@ -135,15 +135,15 @@ impl<'a> Layout<'a> {
         cloud: &'a PointCloud,
         taken: &[&str],
         spell: impl Fn(&str) -> String,
-        stored: impl Fn(&str, &'a [f32]) -> Stored<'a>,
+        stored: impl Fn(&str, &'a [f32]) -> FieldData<'a>,
     ) -> Self {
-        let mut layout = Layout::default();
+        let mut layout = FieldLayout::default();
         if let Some(weights) = cloud.weights() {
-            layout.fields.push(Field { name: "weight".into(), stored: Stored::Float(weights) });
+            layout.fields.push(Field { name: "weight".into(), stored: FieldData::Float(weights) });
         }
-        let mut names = Names::default();
-        for name in Channels::TAKEN.iter().chain(taken) {
-            names.take((*name).into());
+        let mut names = UniqueNames::default();
+        for name in Channels::RESERVED_NAMES.iter().chain(taken) {
+            names.make_unique((*name).into());
         }
         // Those that stay go first: what is changed makes way for them.
         let name = |name| {
@@ -152,10 +152,10 @@ impl<'a> Layout<'a> {
         };
         let spelled: Vec<String> = cloud.channels().names().map(name).collect();
         let mut own: Vec<Option<String>> = (cloud.channels().names().zip(&spelled))
-            .map(|(name, spelled)| (name == spelled).then(|| names.take(spelled.clone())))
+            .map(|(name, spelled)| (name == spelled).then(|| names.make_unique(spelled.clone())))
             .collect();
         for (own, spelled) in own.iter_mut().zip(spelled) {
-            own.get_or_insert_with(|| names.take(spelled));
+            own.get_or_insert_with(|| names.make_unique(spelled));
         }
         for ((name, values), own) in cloud.channels().iter().zip(own.into_iter().flatten()) {
             if own != name {
@@ -167,8 +167,8 @@ impl<'a> Layout<'a> {
     }
 
     /// Notes that a colour is written as a number.
-    fn number_from(&mut self, name: &str) {
-        self.differences.change(format!("{} is a number from 0 to 1, no colour", short(name)));
+    fn note_color_as_number(&mut self, name: &str) {
+        self.differences.change(format!("{} is a number from 0 to 1, no colour", truncate_name(name)));
     }
 
     fn leave_out_viewpoint(&mut self, cloud: &PointCloud) {
@@ -181,7 +181,7 @@ impl<'a> Layout<'a> {
 }
 
 /// The depth of red, green and blue, where whole numbers of text would be read as such.
-fn whole_colors(channels: &Channels) -> Option<ColorDepth> {
+fn integer_color_depth(channels: &Channels) -> Option<ColorDepth> {
     let depth = channels.color_depth("red")?;
     let rest = ["green", "blue"].map(|name| channels.color_depth(name));
     let names = &COLORS[..3];
@@ -195,13 +195,13 @@ impl Field<'_> {
     /// Writes the value at point `i`, little endian.
     pub fn write_binary(&self, out: &mut dyn Write, i: usize) -> io::Result<()> {
         match self.stored {
-            Stored::Float(values) => out.write_all(&values[i].to_le_bytes()),
-            Stored::Double(values) => out.write_all(&f64::from(values[i]).to_le_bytes()),
-            Stored::Level(ColorDepth::Eight, values) => {
+            FieldData::Float(values) => out.write_all(&values[i].to_le_bytes()),
+            FieldData::Double(values) => out.write_all(&f64::from(values[i]).to_le_bytes()),
+            FieldData::Level(ColorDepth::Eight, values) => {
                 out.write_all(&[ColorDepth::Eight.level(values[i]) as u8])
             }
-            Stored::Level(depth, values) => out.write_all(&depth.level(values[i]).to_le_bytes()),
-            Stored::Packed([red, green, blue], alpha) => {
+            FieldData::Level(depth, values) => out.write_all(&depth.level(values[i]).to_le_bytes()),
+            FieldData::Packed([red, green, blue], alpha) => {
                 let byte = |values: &[f32]| ColorDepth::Eight.level(values[i]) as u8;
                 // Bits of opacity would make some floats NaN.
                 out.write_all(&[byte(blue), byte(green), byte(red), alpha.map_or(0, byte)])
@@ -212,10 +212,10 @@ impl Field<'_> {
     /// Writes the value at point `i` as text.
     pub fn write_text(&self, out: &mut dyn Write, i: usize) -> io::Result<()> {
         match self.stored {
-            Stored::Level(depth, values) => write!(out, "{}", depth.level(values[i])),
-            Stored::Float(values) | Stored::Double(values) => write!(out, "{:?}", values[i]),
+            FieldData::Level(depth, values) => write!(out, "{}", depth.level(values[i])),
+            FieldData::Float(values) | FieldData::Double(values) => write!(out, "{:?}", values[i]),
             // No text has any.
-            Stored::Packed([red, ..], _) => write!(out, "{:?}", red[i]),
+            FieldData::Packed([red, ..], _) => write!(out, "{:?}", red[i]),
         }
     }
 }
@@ -225,7 +225,7 @@ impl Field<'_> {
 pub(super) fn write_binary(
     out: &mut dyn Write,
     cloud: &PointCloud,
-    layout: &Layout<'_>,
+    layout: &FieldLayout<'_>,
 ) -> io::Result<()> {
     let single = is_single(cloud);
     for (i, (point, position)) in cloud.points().iter().zip(cloud.positions()).enumerate() {

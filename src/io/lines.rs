@@ -1,6 +1,6 @@
 //! Text: its lines, and the numbers in them.
 
-use super::fault::Fault;
+use super::content_error::ContentError;
 
 /// The lines that are not blank, trimmed, with their number from 1.
 ///
@@ -31,7 +31,7 @@ impl<'a> Lines<'a> {
 }
 
 impl<'a> Iterator for Lines<'a> {
-    type Item = Result<(usize, &'a str), Fault>;
+    type Item = Result<(usize, &'a str), ContentError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -50,7 +50,7 @@ impl<'a> Iterator for Lines<'a> {
                 Ok(line) => return Some(Ok((self.number, line.trim()))),
                 Err(error) => {
                     let byte = start + error.valid_up_to();
-                    return Some(Err(Fault::byte(byte, "is not UTF-8 text")));
+                    return Some(Err(ContentError::byte(byte, "is not UTF-8 text")));
                 }
             }
         }

@@ -4,12 +4,12 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
-use super::fault::Fault;
+use super::content_error::ContentError;
 use crate::error::{Error, Result};
 
 /// Most bytes that are read from a pipe, whose length nobody knows before its end: 256 MiB, or 16
 /// million points of single precision. Chosen by hand.
-pub const LONGEST_STREAM: u64 = 256 << 20;
+pub const MAX_PIPE_BYTES: u64 = 256 << 20;
 
 /// The bytes of a file, or of a pipe, that is there and not empty.
 ///
@@ -25,7 +25,7 @@ pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
         return Err(refuse(io::Error::new(ErrorKind::InvalidInput, what)));
     }
     let mut file = File::open(path).map_err(refuse)?;
-    let limit = kind.len().max(LONGEST_STREAM);
+    let limit = kind.len().max(MAX_PIPE_BYTES);
     let mut content = Vec::new();
     // All of a file at once; of a pipe as much again as there is, but never beyond the limit.
     let mut room = (kind.len() + 1).max(1 << 16);
@@ -39,12 +39,12 @@ pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
         let there = content.len() as u64;
         if there > limit {
             let what = format!("a pipe is read up to {limit} bytes, and it has more: use a file");
-            return Err(Fault::new(what).within(path));
+            return Err(ContentError::new(what).into_error(path));
         }
         room = there.min(limit + 1 - there);
     }
     if content.is_empty() {
-        return Err(Fault::new("is empty").within(path));
+        return Err(ContentError::new("is empty").into_error(path));
     }
     Ok(content)
 }

@@ -29,9 +29,9 @@
 
 mod columns;
 mod differences;
-mod fault;
+mod content_error;
 mod format;
-pub(crate) mod guard;
+pub(crate) mod limited_file;
 mod layout;
 mod lines;
 mod load;
@@ -41,7 +41,7 @@ mod pcd;
 mod ply;
 mod pose;
 #[cfg(any(feature = "batch", feature = "figures"))]
-mod sheet;
+mod csv_reader;
 mod table;
 mod text;
 
@@ -52,16 +52,16 @@ use std::path::Path;
 use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
-use columns::Columns;
+use columns::ColumnMap;
 pub use differences::Differences;
-use fault::{Fault, LONGEST_HEADER};
+use content_error::{ContentError, MAX_HEADER_BYTES};
 pub use format::Format;
-use layout::Layout;
-pub use load::LONGEST_STREAM;
+use layout::FieldLayout;
+pub use load::MAX_PIPE_BYTES;
 use load::load;
 pub use pose::{read_transform, write_transform};
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) use {fault::shown, sheet::Sheet};
+pub(crate) use {content_error::quote_start, csv_reader::CsvReader};
 
 /// Reads a cloud, in the unit and frame of the file.
 ///
@@ -95,15 +95,15 @@ pub fn read_with_differences(path: impl AsRef<Path>) -> Result<(PointCloud, Diff
         Some(Format::Ply) => ply::parse(&content),
         Some(Format::Pcd) => pcd::parse(&content),
         Some(Format::Text) if format::extension(path) == "xyzn" => {
-            text::parse(&content, Columns::plain(true))
+            text::parse(&content, ColumnMap::plain(true))
         }
-        Some(Format::Text) => text::parse(&content, Columns::plain(false)),
-        None => Err(Fault::new("is neither PLY nor PCD nor text")),
+        Some(Format::Text) => text::parse(&content, ColumnMap::plain(false)),
+        None => Err(ContentError::new("is neither PLY nor PCD nor text")),
     };
-    let table = table.map_err(|fault| fault.within(path))?;
+    let table = table.map_err(|fault| fault.into_error(path))?;
     drop(content);
     // What is wrong with the coordinates together has no line, but it has a file.
-    table.into_cloud().map_err(|error| Fault::new(error.to_string()).within(path))
+    table.into_cloud().map_err(|error| ContentError::new(error.to_string()).into_error(path))
 }
 
 /// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more
@@ -124,14 +124,14 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
     let content = load(path)?;
     let parsed = match Format::detect(path, &content) {
         Some(Format::Ply) => ply::parse_mesh(&content),
-        _ => Err(Fault::new("is not PLY, the only format that meshes are read from")),
+        _ => Err(ContentError::new("is not PLY, the only format that meshes are read from")),
     };
-    let (table, faces) = parsed.map_err(|fault| fault.within(path))?;
+    let (table, faces) = parsed.map_err(|fault| fault.into_error(path))?;
     let vertices = table.into_points();
     let lost = |&&corner: &&u32| vertices[corner as usize].iter().any(|x| !x.is_finite());
     if let Some(corner) = faces.as_flattened().iter().find(lost) {
         let what = format!("a face has the corner {corner}, which is not finite");
-        return Err(Fault::new(what).within(path));
+        return Err(ContentError::new(what).into_error(path));
     }
     Ok(Mesh { vertices, faces })
 }
@@ -159,10 +159,10 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     let path = path.as_ref();
     let layout = layout(path, cloud)?;
     match format::extension(path).as_str() {
-        "ply" => replace(path, |out| ply::write(out, cloud, &layout)),
-        "pcd" => replace(path, |out| pcd::write(out, cloud, &layout)),
-        "csv" => replace(path, |out| text::write(out, cloud, &layout, "", ",")),
-        _ => replace(path, |out| text::write(out, cloud, &layout, "# ", " ")),
+        "ply" => write_atomically(path, |out| ply::write(out, cloud, &layout)),
+        "pcd" => write_atomically(path, |out| pcd::write(out, cloud, &layout)),
+        "csv" => write_atomically(path, |out| text::write(out, cloud, &layout, "", ",")),
+        _ => write_atomically(path, |out| text::write(out, cloud, &layout, "# ", " ")),
     }
 }
 
@@ -176,20 +176,20 @@ pub fn differences(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<Differe
 }
 
 /// The layout of a file of that extension for a cloud.
-fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<Layout<'a>> {
+fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<FieldLayout<'a>> {
     // Beside its name, a field takes `property double ` and a line end of a PLY header, and as
     // much as ` 4 F 1` of PCD.
     let (layout, beside) = match format::extension(path).as_str() {
-        "ply" => (Layout::ply(cloud), 17),
-        "pcd" => (Layout::pcd(cloud), 7),
-        "csv" => (Layout::text(cloud, true), 1),
-        "xyz" | "txt" => (Layout::text(cloud, false), 1),
+        "ply" => (FieldLayout::ply(cloud), 17),
+        "pcd" => (FieldLayout::pcd(cloud), 7),
+        "csv" => (FieldLayout::text(cloud, true), 1),
+        "xyz" | "txt" => (FieldLayout::text(cloud, false), 1),
         _ => return Err(unknown_extension(path)),
     };
     let header: usize = layout.fields.iter().map(|field| field.name.len() + beside).sum();
     // Points without any field take less than that.
-    if header + 1000 > LONGEST_HEADER {
-        let rule = format!("are more than a header of {LONGEST_HEADER} bytes names: write fewer");
+    if header + 1000 > MAX_HEADER_BYTES {
+        let rule = format!("are more than a header of {MAX_HEADER_BYTES} bytes names: write fewer");
         return Err(Error::config("channels", layout.fields.len(), rule));
     }
     Ok(layout)
@@ -201,7 +201,7 @@ fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<Layout<'a>> {
 /// [`Error::Io`] when the system refuses; an old file is then still as it was.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
-    replace(path, |out| out.write_all(content))
+    write_atomically(path, |out| out.write_all(content))
 }
 
 /// Checks that [`write()`] knows the extension of `path`, before work is done whose result
@@ -209,7 +209,7 @@ pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Config`] as [`write()`].
-pub fn writable(path: impl AsRef<Path>) -> Result<()> {
+pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     match format::extension(path).as_str() {
         "ply" | "pcd" | "xyz" | "txt" | "csv" => Ok(()),
@@ -224,14 +224,14 @@ fn unknown_extension(path: &Path) -> Error {
 
 /// Writes a file beside `path`, then renames it to `path`: a full disk leaves the
 /// old file, or none, but never half of one.
-fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     // Through a link, so that the link stays one.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {
         // Something like /dev/stdout, which cannot be replaced; or a directory.
         File::create(&target).and_then(|file| fill_file(&file, fill))
     } else {
-        outputs::beside(&target).and_then(|beside| {
+        outputs::create_temporary(&target).and_then(|beside| {
             fill_file(beside.as_file(), fill)?;
             beside.persist(&target).map(drop).map_err(|failed| failed.error)
         })

@@ -6,14 +6,14 @@ use crate::cloud::Channels;
 
 /// Names that are taken, without regard to case.
 #[derive(Default)]
-pub(super) struct Names {
+pub(super) struct UniqueNames {
     /// In lower case, with the number that is tried next behind the name.
     taken: HashMap<String, usize>,
 }
 
-impl Names {
+impl UniqueNames {
     /// Takes a name: `wanted` itself, or with the first number behind it that is free.
-    pub fn take(&mut self, wanted: String) -> String {
+    pub fn make_unique(&mut self, wanted: String) -> String {
         let key = wanted.to_lowercase();
         let Some(&first) = self.taken.get(&key) else {
             self.taken.insert(key, 2);
@@ -40,12 +40,12 @@ pub(super) fn channel_name(name: &str, column: usize) -> String {
     if Channels::is_name(name) {
         return name.into();
     }
-    let spelled = spelled(name, |c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
+    let spelled = sanitize_name(name, |c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'));
     if Channels::is_name(&spelled) { spelled } else { format!("column_{}", column + 1) }
 }
 
 /// `name` with one `_` for each stretch of characters that do not fit, none at its ends.
-pub(super) fn spelled(name: &str, fits: impl Fn(char) -> bool) -> String {
+pub(super) fn sanitize_name(name: &str, fits: impl Fn(char) -> bool) -> String {
     let mut spelled = String::new();
     for c in name.chars() {
         if fits(c) {
@@ -84,8 +84,8 @@ mod tests {
 
     #[test]
     fn a_name_is_taken_once() {
-        let mut names = Names::default();
-        let taken = ["a", "A", "a_2", "a", "a_2", "b"].map(|name| names.take(name.into()));
+        let mut names = UniqueNames::default();
+        let taken = ["a", "A", "a_2", "a", "a_2", "b"].map(|name| names.make_unique(name.into()));
         assert_eq!(taken, ["a", "A_2", "a_2_2", "a_3", "a_2_3", "b"]);
     }
 }

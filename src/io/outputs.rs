@@ -8,7 +8,7 @@ use tempfile::NamedTempFile;
 
 /// A new file in the folder of `path`, under a name that nobody has. It is gone with its value,
 /// unless it is renamed to `path` by [`NamedTempFile::persist`].
-pub(crate) fn beside(path: &Path) -> io::Result<NamedTempFile> {
+pub(crate) fn create_temporary(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".cfreg-").suffix(".tmp");
     #[cfg(unix)]
@@ -27,21 +27,21 @@ fn folder(path: &Path) -> &Path {
 /// The identity of a file, by whatever path and links it is reached: its device and its number there.
 /// One that is not there yet is its name in its folder.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) struct Identity(Place, Option<PathBuf>);
+pub(crate) struct FileIdentity(Place, Option<PathBuf>);
 
 #[cfg(unix)]
 type Place = (u64, u64);
 #[cfg(not(unix))]
 type Place = PathBuf;
 
-impl Identity {
+impl FileIdentity {
     /// `None` where not even the folder is there.
-    pub(crate) fn of(path: &Path) -> Option<Identity> {
-        match Identity::place(path) {
-            Some(place) => Some(Identity(place, None)),
+    pub(crate) fn from_path(path: &Path) -> Option<FileIdentity> {
+        match FileIdentity::place(path) {
+            Some(place) => Some(FileIdentity(place, None)),
             None => {
                 let name = path.file_name()?.into();
-                Some(Identity(Identity::place(folder(path))?, Some(name)))
+                Some(FileIdentity(FileIdentity::place(folder(path))?, Some(name)))
             }
         }
     }
@@ -68,10 +68,10 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("within")).unwrap();
         fs::write(at("a"), "").unwrap();
-        let of = |name: &str| Identity::of(&at(name)).unwrap();
+        let of = |name: &str| FileIdentity::from_path(&at(name)).unwrap();
         assert_eq!((of("a"), of("new")), (of("within/../a"), of("within/../new")));
         assert!(of("a") != of("within") && of("a") != of("new") && of("new") != of("within/new"));
-        assert_eq!(Identity::of(&at("none/new")), None);
+        assert_eq!(FileIdentity::from_path(&at("none/new")), None);
         #[cfg(unix)]
         {
             fs::hard_link(at("a"), at("hard")).unwrap();
@@ -84,10 +84,10 @@ mod tests {
     fn a_file_that_is_not_persisted_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        let file = beside(&path).unwrap();
+        let file = create_temporary(&path).unwrap();
         assert!(file.path().parent() == Some(folder.path()));
         drop(file);
-        beside(&path).unwrap().persist(&path).unwrap();
+        create_temporary(&path).unwrap().persist(&path).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         #[cfg(unix)]
         {

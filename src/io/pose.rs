@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::fault::{Fault, shown};
+use super::content_error::{ContentError, quote_start};
 use super::lines::{Lines, number};
-use super::{guard, replace};
+use super::{limited_file, write_atomically};
 use crate::cloud::Transform;
 use crate::error::Result;
 
 /// Most bytes of a pose, the JSON of a registration included. Chosen by hand.
-const LONGEST: u64 = 4 << 20;
+const MAX_POSE_BYTES: u64 = 4 << 20;
 
 /// Reads a pose: four lines of four numbers (spaces or commas between, comments after
 /// `#`), a JSON array of four rows, or a JSON object with such a field `transform`.
@@ -26,18 +26,18 @@ const LONGEST: u64 = 4 << 20;
 /// ```
 pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     let path = path.as_ref();
-    let content = guard::bytes(path, LONGEST, "a pose")?;
+    let content = limited_file::read_bytes(path, MAX_POSE_BYTES, "a pose")?;
     if content.is_empty() {
-        return Err(Fault::new("is empty").within(path));
+        return Err(ContentError::new("is empty").into_error(path));
     }
     let matrix = match content.trim_ascii_start().first() {
         Some(b'[' | b'{') => parse_json(&content),
         _ => parse_rows(&content),
     };
     let transform = matrix.and_then(|matrix| {
-        Transform::from_matrix(matrix).map_err(|error| Fault::new(error.to_string()))
+        Transform::from_matrix(matrix).map_err(|error| ContentError::new(error.to_string()))
     });
-    transform.map_err(|fault| fault.within(path))
+    transform.map_err(|fault| fault.into_error(path))
 }
 
 /// Writes a pose as four lines of four numbers, with as many digits as it takes to
@@ -47,7 +47,7 @@ pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
 /// [`crate::Error::Io`] when the system refuses; a file that was there before is then still
 /// as it was.
 pub fn write_transform(path: impl AsRef<Path>, transform: &Transform) -> Result<()> {
-    replace(path.as_ref(), |out| {
+    write_atomically(path.as_ref(), |out| {
         let rows = transform.matrix();
         rows.iter().try_for_each(|[a, b, c, d]| writeln!(out, "{a:?} {b:?} {c:?} {d:?}"))
     })
@@ -63,20 +63,20 @@ enum Document {
     Named { transform: Matrix },
 }
 
-fn parse_json(content: &[u8]) -> Result<Matrix, Fault> {
+fn parse_json(content: &[u8]) -> Result<Matrix, ContentError> {
     // In two steps, because an untagged enum forgets the line of a syntax error.
     let value: serde_json::Value = serde_json::from_slice(content)
-        .map_err(|error| Fault::line(error.line(), format!("is not JSON: {error}")))?;
+        .map_err(|error| ContentError::line(error.line(), format!("is not JSON: {error}")))?;
     match serde_json::from_value(value) {
         Ok(Document::Bare(matrix) | Document::Named { transform: matrix }) => Ok(matrix),
-        Err(_) => Err(Fault::new(
+        Err(_) => Err(ContentError::new(
             "expected a JSON array of 4 rows of 4 numbers, or an object with such a field \
              \"transform\"",
         )),
     }
 }
 
-fn parse_rows(content: &[u8]) -> Result<Matrix, Fault> {
+fn parse_rows(content: &[u8]) -> Result<Matrix, ContentError> {
     let mut matrix = [[0.0; 4]; 4];
     let mut rows = matrix.iter_mut();
     for line in Lines::new(content, 0, 0) {
@@ -85,12 +85,12 @@ fn parse_rows(content: &[u8]) -> Result<Matrix, Fault> {
         if line.is_empty() {
             continue;
         }
-        let row = rows.next().ok_or_else(|| Fault::line(number, "there is a fifth row of 4"))?;
-        *row = parse_row(line).map_err(|what| Fault::line(number, what))?;
+        let row = rows.next().ok_or_else(|| ContentError::line(number, "there is a fifth row of 4"))?;
+        *row = parse_row(line).map_err(|what| ContentError::line(number, what))?;
     }
     match rows.len() {
         0 => Ok(matrix),
-        missing => Err(Fault::new(format!("there are {} rows, expected 4", 4 - missing))),
+        missing => Err(ContentError::new(format!("there are {} rows, expected 4", 4 - missing))),
     }
 }
 
@@ -101,7 +101,7 @@ fn parse_row(line: &str) -> Result<[f64; 4], String> {
         .map_err(|words: Vec<_>| format!("the row has {} numbers, expected 4", words.len()))?;
     let mut row = [0.0; 4];
     for (value, word) in row.iter_mut().zip(words) {
-        *value = number(word).ok_or_else(|| format!("{} is not a number", shown(word)))?;
+        *value = number(word).ok_or_else(|| format!("{} is not a number", quote_start(word)))?;
     }
     Ok(row)
 }

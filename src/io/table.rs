@@ -3,23 +3,23 @@
 //! Rows that drop out take no room, and numbers as much as the cloud gives them, so that the
 //! whole stays within a few times the size of the file.
 
-use super::columns::{COLORS, Columns, Extra, Kind, Vertex, color, no_number};
-use super::differences::{Differences, short};
-use crate::cloud::{Channels, ColorDepth, PointCloud, too_large, unit};
+use super::columns::{COLORS, ColumnMap, ExtraColumn, ColumnKind, Vertex, color, not_a_number_message};
+use super::differences::{Differences, truncate_name};
+use crate::cloud::{Channels, ColorDepth, PointCloud, find_too_large, normalize_normal};
 use crate::error::Result;
 use crate::math::Vec3;
 
 /// What a file holds.
 #[derive(Debug)]
-pub(super) struct Table {
-    places: Places,
+pub(super) struct PointTable {
+    places: TablePositions,
     normals: Option<Vec<[f32; 3]>>,
-    columns: Vec<Column>,
+    columns: Vec<TableColumn>,
     viewpoint: Option<Vec3>,
     /// Rows that were added, dropped or not.
     rows: usize,
     /// Rows that are there although they are not finite, for what refers to them by number.
-    keeps_all: bool,
+    keeps_non_finite: bool,
     /// Colours in text that are not all whole numbers, a bit each.
     decimal: u8,
     differences: Differences,
@@ -27,16 +27,16 @@ pub(super) struct Table {
 
 /// Coordinates, as fine as the file has them.
 #[derive(Debug)]
-enum Places {
+enum TablePositions {
     Single(Vec<[f32; 3]>),
     Double(Vec<Vec3>),
 }
 
 /// A column beside positions and normals.
 #[derive(Debug)]
-struct Column {
+struct TableColumn {
     name: String,
-    kind: Kind,
+    kind: ColumnKind,
     numbers: Vec<f32>,
     /// Instead of numbers, where colours are packed.
     bits: Vec<u32>,
@@ -49,43 +49,43 @@ struct Column {
     error: f64,
 }
 
-impl Table {
+impl PointTable {
     /// No row of these columns yet, room for `capacity`.
-    pub fn new(capacity: usize, columns: &Columns) -> Self {
+    pub fn new(capacity: usize, columns: &ColumnMap) -> Self {
         let normals = columns.has_normals().then(|| Vec::with_capacity(capacity));
-        Table {
-            places: Places::Double(Vec::with_capacity(capacity)),
+        PointTable {
+            places: TablePositions::Double(Vec::with_capacity(capacity)),
             normals,
-            columns: columns.extras().iter().map(|extra| Column::new(extra, capacity)).collect(),
+            columns: columns.extras().iter().map(|extra| TableColumn::new(extra, capacity)).collect(),
             viewpoint: None,
             rows: 0,
-            keeps_all: false,
+            keeps_non_finite: false,
             decimal: 0,
             differences: columns.differences().clone(),
         }
     }
 
     /// The same for coordinates that f32 holds as they are.
-    pub fn single(capacity: usize, columns: &Columns) -> Self {
-        let mut table = Table::new(0, columns).with_room(capacity);
-        table.places = Places::Single(Vec::with_capacity(capacity));
+    pub fn single_precision(capacity: usize, columns: &ColumnMap) -> Self {
+        let mut table = PointTable::new(0, columns).with_column_capacity(capacity);
+        table.places = TablePositions::Single(Vec::with_capacity(capacity));
         table.normals.iter_mut().for_each(|normals| normals.reserve_exact(capacity));
         table
     }
 
     /// The table with room for `capacity` numbers of each column beside positions and normals,
     /// taken where there is a first one.
-    pub fn with_room(mut self, capacity: usize) -> Self {
+    pub fn with_column_capacity(mut self, capacity: usize) -> Self {
         self.columns.iter_mut().for_each(|column| column.capacity = capacity);
         self
     }
 
     /// Bytes that a point of these columns takes at most, while its cloud is made.
-    pub fn point_size(columns: &Columns, is_single: bool) -> usize {
+    pub fn point_size(columns: &ColumnMap, is_single: bool) -> usize {
         let place = if is_single { 12 } else { 24 };
         let normal = if columns.has_normals() { 12 } else { 0 };
-        let extra = |extra: &Extra| match extra.kind {
-            Kind::Packed { alpha } | Kind::PackedFloat { alpha } => 16 + 4 * usize::from(alpha),
+        let extra = |extra: &ExtraColumn| match extra.kind {
+            ColumnKind::Packed { alpha } | ColumnKind::PackedFloat { alpha } => 16 + 4 * usize::from(alpha),
             // Once more in f64.
             _ if extra.name == "weight" => 12,
             _ => 4,
@@ -94,18 +94,18 @@ impl Table {
     }
 
     /// The table with room for rows that are not finite.
-    pub fn keeping_all(self) -> Self {
-        Table { keeps_all: true, ..self }
+    pub fn keep_non_finite(self) -> Self {
+        PointTable { keeps_non_finite: true, ..self }
     }
 
     /// The table as seen from `viewpoint`.
-    pub fn seen_from(self, viewpoint: Option<Vec3>) -> Self {
-        Table { viewpoint, ..self }
+    pub fn with_viewpoint(self, viewpoint: Option<Vec3>) -> Self {
+        PointTable { viewpoint, ..self }
     }
 
     /// The table, after what else a cloud does not have of the file.
-    pub fn without(self, differences: Differences) -> Self {
-        Table { differences: differences.and(self.differences), ..self }
+    pub fn with_differences(self, differences: Differences) -> Self {
+        PointTable { differences: differences.merge(self.differences), ..self }
     }
 
     /// Adds a row. The error names a coordinate that cannot be computed with.
@@ -113,22 +113,22 @@ impl Table {
         let row = self.rows;
         self.rows += 1;
         let finite = vertex.place.iter().all(|x| x.is_finite());
-        if finite && let Some(value) = too_large(vertex.place) {
+        if finite && let Some(value) = find_too_large(vertex.place) {
             let axis = ["x", "y", "z"][vertex.place.iter().position(|&x| x == value).unwrap_or(0)];
             return Err(format!(
                 "{axis} is {value:e}: coordinates within 1e75 of zero can be computed with; look \
                  for stray points, or for another column"
             ));
         }
-        if !finite && !self.keeps_all {
+        if !finite && !self.keeps_non_finite {
             return Ok(());
         }
         match &mut self.places {
-            Places::Single(places) => places.push(vertex.place.map(|x| x as f32)),
-            Places::Double(places) => places.push(vertex.place),
+            TablePositions::Single(places) => places.push(vertex.place.map(|x| x as f32)),
+            TablePositions::Double(places) => places.push(vertex.place),
         }
         if let Some(normals) = &mut self.normals {
-            normals.push(unit(vertex.normal));
+            normals.push(normalize_normal(vertex.normal));
         }
         for (column, &value) in self.columns.iter_mut().zip(&vertex.extras) {
             column.push(value, row);
@@ -145,8 +145,8 @@ impl Table {
     /// The positions alone.
     pub fn into_points(self) -> Vec<Vec3> {
         match self.places {
-            Places::Single(places) => places.iter().map(|place| place.map(f64::from)).collect(),
-            Places::Double(places) => places,
+            TablePositions::Single(places) => places.iter().map(|place| place.map(f64::from)).collect(),
+            TablePositions::Double(places) => places,
         }
     }
 
@@ -159,10 +159,10 @@ impl Table {
         let mut channels = Channels::default();
         let mut weights = None;
         for mut column in std::mem::take(&mut self.columns) {
-            if let Kind::Text(bit) = column.kind
+            if let ColumnKind::Text(bit) = column.kind
                 && self.decimal & (1 << bit) != 0
             {
-                column.kind = Kind::Number;
+                column.kind = ColumnKind::Number;
             }
             if column.name == "weight" {
                 weights = Some(column.numbers);
@@ -172,8 +172,8 @@ impl Table {
         }
         // The memory of the places is given back before anything else is made.
         let cloud = match self.places {
-            Places::Single(places) => PointCloud::from_f32(&places),
-            Places::Double(places) => PointCloud::new(&places),
+            TablePositions::Single(places) => PointCloud::from_f32(&places),
+            TablePositions::Double(places) => PointCloud::new(&places),
         }?;
         let dropped = self.rows - cloud.len();
         let mut cloud = cloud.with_read(self.normals, channels, dropped)?;
@@ -190,7 +190,7 @@ impl Table {
     /// numbers up to 255, or up to 65535.
     fn text_depth(&self) -> Option<ColorDepth> {
         let most = |bit: usize| {
-            let mut named = self.columns.iter().filter(|column| column.kind == Kind::Text(bit));
+            let mut named = self.columns.iter().filter(|column| column.kind == ColumnKind::Text(bit));
             let column = named.find(|column| column.name.eq_ignore_ascii_case(COLORS[bit]))?;
             let whole = self.decimal & (1 << bit) == 0 && column.bad.is_none();
             whole.then(|| column.range[1].max(0.0))
@@ -201,9 +201,9 @@ impl Table {
     }
 }
 
-impl Column {
-    fn new(extra: &Extra, capacity: usize) -> Self {
-        Column {
+impl TableColumn {
+    fn new(extra: &ExtraColumn, capacity: usize) -> Self {
+        TableColumn {
             name: extra.name.clone(),
             kind: extra.kind,
             numbers: Vec::new(),
@@ -228,7 +228,7 @@ impl Column {
         }
         if self.capacity > 0 {
             match self.kind {
-                Kind::Packed { .. } | Kind::PackedFloat { .. } => {
+                ColumnKind::Packed { .. } | ColumnKind::PackedFloat { .. } => {
                     self.bits.reserve_exact(self.capacity);
                 }
                 _ => self.numbers.reserve_exact(self.capacity),
@@ -236,10 +236,10 @@ impl Column {
             self.capacity = 0;
         }
         match self.kind {
-            Kind::PackedFloat { .. } => self.bits.push(number.to_bits()),
-            Kind::Packed { .. } => self.bits.push(value as i64 as u32),
-            Kind::Color(depth) => self.numbers.push((value / f64::from(depth.max())) as f32),
-            Kind::Number | Kind::Text(_) => {
+            ColumnKind::PackedFloat { .. } => self.bits.push(number.to_bits()),
+            ColumnKind::Packed { .. } => self.bits.push(value as i64 as u32),
+            ColumnKind::Color(depth) => self.numbers.push((value / f64::from(depth.max())) as f32),
+            ColumnKind::Number | ColumnKind::Text(_) => {
                 self.range = [self.range[0].min(value), self.range[1].max(value)];
                 self.error = self.error.max((value - f64::from(number)).abs());
                 self.numbers.push(number);
@@ -255,11 +255,11 @@ impl Column {
         differences: &mut Differences,
     ) -> Result<Channels> {
         if let Some(row) = self.bad {
-            differences.leave_out(no_number(&self.name, row));
+            differences.leave_out(not_a_number_message(&self.name, row));
         }
         let alpha = match (self.kind, self.bad) {
-            (Kind::Packed { alpha } | Kind::PackedFloat { alpha }, None) => alpha,
-            (Kind::Packed { .. } | Kind::PackedFloat { .. }, Some(row)) => {
+            (ColumnKind::Packed { alpha } | ColumnKind::PackedFloat { alpha }, None) => alpha,
+            (ColumnKind::Packed { .. } | ColumnKind::PackedFloat { .. }, Some(row)) => {
                 return Ok(COLORS.iter().fold(channels, |all, color| all.without(color, row)));
             }
             (_, Some(row)) => return Ok(channels.without(&self.name, row)),
@@ -268,7 +268,7 @@ impl Column {
         let bytes = &[("red", 16), ("green", 8), ("blue", 0), ("alpha", 24)];
         let bytes = &bytes[..3 + usize::from(alpha)];
         if bytes.iter().any(|(name, _)| channels.get(name).is_some()) {
-            differences.leave_out(format!("{}, beside other colours", short(&self.name)));
+            differences.leave_out(format!("{}, beside other colours", truncate_name(&self.name)));
             return Ok(channels);
         }
         bytes.iter().try_fold(channels, |channels, &(name, shift)| {
@@ -284,18 +284,18 @@ impl Column {
         differences: &mut Differences,
     ) -> Result<Channels> {
         if channels.get(&self.name).is_some() {
-            differences.leave_out(format!("{}, which is there twice", short(&self.name)));
+            differences.leave_out(format!("{}, which is there twice", truncate_name(&self.name)));
             return Ok(channels);
         }
         self.numbers.shrink_to_fit();
         // As far as numbers of a column differ from each other: chosen by hand.
         if self.error > 1e-5 * (self.range[1] - self.range[0]) && self.range[1] > self.range[0] {
             let by = self.error;
-            differences.change(format!("{} is rounded by up to {by:.1e}", short(&self.name)));
+            differences.change(format!("{} is rounded by up to {by:.1e}", truncate_name(&self.name)));
         }
         let depth = match self.kind {
-            Kind::Color(depth) => Some(depth),
-            Kind::Text(_) if color(&self.name).is_some() => {
+            ColumnKind::Color(depth) => Some(depth),
+            ColumnKind::Text(_) if color(&self.name).is_some() => {
                 let depth = text_depth.filter(|depth| self.range[1] <= f64::from(depth.max()));
                 if let Some(depth) = depth {
                     let whole = f64::from(depth.max());

@@ -2,12 +2,12 @@
 
 use std::io::{self, Write};
 
-use super::columns::{Columns, Kind, Vertex, color};
+use super::columns::{ColumnMap, ColumnKind, Vertex, color};
 use super::differences::Differences;
-use super::fault::{Fault, LONGEST_HEADER, shown};
-use super::layout::{Layout, is_single};
+use super::content_error::{ContentError, MAX_HEADER_BYTES, quote_start};
+use super::layout::{FieldLayout, is_single};
 use super::lines::{Lines, number};
-use super::table::Table;
+use super::table::PointTable;
 use crate::cloud::PointCloud;
 
 /// What some editors put before UTF-8 text.
@@ -18,10 +18,10 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Before the first point there may be one line of names and, in .pts, one with the
 /// number of points. Names may stand in a comment (`//X Y Z`, `# x y z`): they count
 /// when there is one for each column of the first point.
-pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
+pub(super) fn parse(content: &[u8], default: ColumnMap) -> Result<PointTable, ContentError> {
     let start = if content.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut preamble = Preamble::default();
-    let mut table: Option<(Columns, Table)> = None;
+    let mut table: Option<(ColumnMap, PointTable)> = None;
     let mut vertex = Vertex::default();
     let mut lines = Lines::new(content, start, 0);
     let mut comments = 0;
@@ -31,7 +31,7 @@ pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
         if let Some(comment) = comment {
             comments += 1;
             if table.is_none() {
-                preamble.note(comment);
+                preamble.read_comment(comment);
             }
         }
         if line.is_empty() {
@@ -40,36 +40,36 @@ pub(super) fn parse(content: &[u8], default: Columns) -> Result<Table, Fault> {
         let words = words(line);
         let (columns, table) = match &mut table {
             Some(table) => table,
-            None if preamble.takes(line, number)? => continue,
+            None if preamble.read_line(line, number)? => continue,
             None => {
                 let width = words.clone().count();
                 let columns = preamble.columns(Some(width));
                 let columns = columns.unwrap_or_else(|| default.clone().without_names(width));
                 // Rows may lack what is not needed, but then it is left out.
                 let needed = if columns.has_normals() { 6 } else { 3 };
-                let [most, full] = [needed, width].map(|words| most_rows(lines.rest(), words));
-                let empty = Table::new(most, &columns).with_room(full);
+                let [most, full] = [needed, width].map(|words| max_rows(lines.rest(), words));
+                let empty = PointTable::new(most, &columns).with_column_capacity(full);
                 table.insert((columns, empty))
             }
         };
         columns.parse(&mut vertex, words, number)?;
-        table.push(&vertex).map_err(|what| Fault::line(number, what))?;
+        table.push(&vertex).map_err(|what| ContentError::line(number, what))?;
     }
     let table = table
         .map(|(_, table)| table)
-        .unwrap_or_else(|| Table::new(0, &preamble.columns(None).unwrap_or(default)));
+        .unwrap_or_else(|| PointTable::new(0, &preamble.columns(None).unwrap_or(default)));
     if let Some((line, count)) = preamble.claimed.filter(|(_, count)| *count != table.len() as u64)
     {
         let what = format!("the line claims {count} points, the file has {}", table.len());
-        return Err(Fault::line(line, what));
+        return Err(ContentError::line(line, what));
     }
     let mut differences = Differences::default();
     differences.leave_out_all(comments - preamble.used_comments, "comment");
-    Ok(table.without(differences))
+    Ok(table.with_differences(differences))
 }
 
 /// The most rows of `width` words that there are where one of them stands before the `rest`.
-fn most_rows(rest: &[u8], width: usize) -> usize {
+fn max_rows(rest: &[u8], width: usize) -> usize {
     let ends = rest.iter().filter(|&&byte| byte == b'\n' || byte == b'\r').count();
     // A digit a word, and what separates it.
     1 + (1 + ends).min(rest.len() / (2 * width.max(1)))
@@ -79,9 +79,9 @@ fn most_rows(rest: &[u8], width: usize) -> usize {
 #[derive(Default)]
 struct Preamble {
     /// From a line of names.
-    named: Option<Columns>,
+    named: Option<ColumnMap>,
     /// From a comment that may be a line of names, and how many there are.
-    noted: Option<(Columns, usize)>,
+    noted: Option<(ColumnMap, usize)>,
     /// The number of points that is claimed, and in which line.
     claimed: Option<(usize, u64)>,
     /// Comments that names were taken from.
@@ -90,30 +90,30 @@ struct Preamble {
 
 impl Preamble {
     /// Looks at a comment.
-    fn note(&mut self, comment: &str) {
-        if comment.len() > LONGEST_HEADER {
+    fn read_comment(&mut self, comment: &str) {
+        if comment.len() > MAX_HEADER_BYTES {
             return;
         }
-        if let Ok(columns) = named(comment) {
+        if let Ok(columns) = columns_from_names(comment) {
             self.noted = Some((columns, words(comment).count()));
         }
     }
 
     /// Takes a line, or says that it must be the first point.
-    fn takes(&mut self, line: &str, number: usize) -> Result<bool, Fault> {
+    fn read_line(&mut self, line: &str, number: usize) -> Result<bool, ContentError> {
         if self.named.is_none() && is_header(words(line)) {
-            if line.len() > LONGEST_HEADER {
-                let what = format!("the line of names takes more than {LONGEST_HEADER} bytes");
-                return Err(Fault::line(number, what));
+            if line.len() > MAX_HEADER_BYTES {
+                let what = format!("the line of names takes more than {MAX_HEADER_BYTES} bytes");
+                return Err(ContentError::line(number, what));
             }
-            self.named = Some(named(line).map_err(|what| Fault::line(number, what))?);
+            self.named = Some(columns_from_names(line).map_err(|what| ContentError::line(number, what))?);
             return Ok(true);
         }
         let mut words = words(line);
         if let (None, Some(word), None) = (self.claimed, words.next(), words.next()) {
             let count = word.parse().map_err(|_| {
-                let what = format!("{} is neither a point nor a number of points", shown(word));
-                Fault::line(number, what)
+                let what = format!("{} is neither a point nor a number of points", quote_start(word));
+                ContentError::line(number, what)
             })?;
             self.claimed = Some((number, count));
             return Ok(true);
@@ -122,7 +122,7 @@ impl Preamble {
     }
 
     /// The columns that names say, for points of `width` columns if there are any.
-    fn columns(&mut self, width: Option<usize>) -> Option<Columns> {
+    fn columns(&mut self, width: Option<usize>) -> Option<ColumnMap> {
         let noted = self.noted.take();
         let fits = noted.filter(|(_, names)| width.is_none_or(|width| width == *names));
         self.named.take().or_else(|| {
@@ -133,9 +133,9 @@ impl Preamble {
 }
 
 /// The columns that a line names.
-fn named(line: &str) -> Result<Columns, String> {
-    let columns = Columns::named(words(line).map(Some))?;
-    Ok(columns.of_kinds(|name, _| color(name).map_or(Kind::Number, Kind::Text)))
+fn columns_from_names(line: &str) -> Result<ColumnMap, String> {
+    let columns = ColumnMap::from_names(words(line).map(Some))?;
+    Ok(columns.with_kinds(|name, _| color(name).map_or(ColumnKind::Number, ColumnKind::Text)))
 }
 
 /// Writes a line of names after `comment`, then a point a line, each number with as
@@ -143,7 +143,7 @@ fn named(line: &str) -> Result<Columns, String> {
 pub(super) fn write(
     out: &mut dyn Write,
     cloud: &PointCloud,
-    layout: &Layout<'_>,
+    layout: &FieldLayout<'_>,
     comment: &str,
     separator: &str,
 ) -> io::Result<()> {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{canonical_order, check_unit, unit, within};
+use super::{canonical_order, check_unit, unit, check_range};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
@@ -56,10 +56,10 @@ impl Iss {
     /// [`Error::Config`] for a setting out of its range.
     pub fn validate(&self) -> Result<()> {
         check_unit(self.unit)?;
-        within("salient_radius", self.salient_radius, 1e-3, 1e3)?;
-        within("non_max_radius", self.non_max_radius, 1e-3, 1e3)?;
-        within("gamma21", self.gamma21, 1e-9, 1.0)?;
-        within("gamma32", self.gamma32, 1e-9, 1.0)?;
+        check_range("salient_radius", self.salient_radius, 1e-3, 1e3)?;
+        check_range("non_max_radius", self.non_max_radius, 1e-3, 1e3)?;
+        check_range("gamma21", self.gamma21, 1e-9, 1.0)?;
+        check_range("gamma32", self.gamma32, 1e-9, 1.0)?;
         if self.min_neighbors < 3 {
             return Err(Error::config("min_neighbors", self.min_neighbors, "must be at least 3"));
         }
@@ -79,7 +79,7 @@ impl Iss {
         let points: Vec<[f32; 3]> = order.iter().map(|&i| points[i]).collect();
         let tree = SearchTree::new(&points)?;
         let largest = self.salient_radius.max(self.non_max_radius);
-        search::refuse_crowds(&tree, &points, largest * unit)?;
+        search::check_neighbor_memory(&tree, &points, largest * unit)?;
         let around = |i: usize, radius: f64| tree.within(&points[i], radius * unit);
         let saliency = par::map(
             points.len(),

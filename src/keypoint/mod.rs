@@ -102,7 +102,7 @@ fn canonical_order(points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
 }
 
 /// Refuses `value` outside `low..=high`.
-fn within(field: &'static str, value: f64, low: f64, high: f64) -> Result<()> {
+fn check_range(field: &'static str, value: f64, low: f64, high: f64) -> Result<()> {
     match (low..=high).contains(&value) {
         true => Ok(()),
         false => Err(Error::config(field, value, format!("must be from {low:e} to {high:e}"))),
@@ -110,5 +110,5 @@ fn within(field: &'static str, value: f64, low: f64, high: f64) -> Result<()> {
 }
 
 fn check_unit(given: Option<f64>) -> Result<()> {
-    given.map_or(Ok(()), |unit| within("unit", unit, 1e-15, 1e15))
+    given.map_or(Ok(()), |unit| check_range("unit", unit, 1e-15, 1e15))
 }

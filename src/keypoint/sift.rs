@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{canonical_order, check_unit, unit, within};
+use super::{canonical_order, check_unit, unit, check_range};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
 use crate::search::SearchTree;
 
 /// Neighbours among which a point must be the extremum (PCL's 25).
-const RIVALS: usize = 25;
+const EXTREMUM_NEIGHBORS: usize = 25;
 /// How many σ the Gaussians reach (PCL's 3).
-const REACH: f64 = 3.0;
+const GAUSSIAN_REACH: f64 = 3.0;
 
 /// The SIFT detector on a number a point, such as its curvature (PCL's `SIFTKeypoint`; the
 /// paper, section IV-A, names the detector but none of its settings).
@@ -71,10 +71,10 @@ impl Sift {
     /// [`Error::Config`] for a setting out of its range.
     pub fn validate(&self) -> Result<()> {
         check_unit(self.unit)?;
-        within("min_scale", self.min_scale, 1e-3, 1e3)?;
-        within("octaves", self.octaves as f64, 1.0, 16.0)?;
-        within("scales", self.scales as f64, 1.0, 16.0)?;
-        within("min_contrast", self.min_contrast, 0.0, 1e6)
+        check_range("min_scale", self.min_scale, 1e-3, 1e3)?;
+        check_range("octaves", self.octaves as f64, 1.0, 16.0)?;
+        check_range("scales", self.scales as f64, 1.0, 16.0)?;
+        check_range("min_contrast", self.min_contrast, 0.0, 1e6)
     }
 
     /// Indices of the keypoints, ascending.
@@ -98,8 +98,8 @@ impl Sift {
         let corner = [0, 1, 2].map(|a| points.iter().fold(f32::INFINITY, |low, p| low.min(p[a])));
         let mut found = Vec::new();
         for _ in 0..self.octaves {
-            (points, values) = thinned(&points, &values, corner, scale);
-            if points.len() < RIVALS {
+            (points, values) = downsample(&points, &values, corner, scale);
+            if points.len() < EXTREMUM_NEIGHBORS {
                 break;
             }
             let keys = self.octave(&points, &values, scale)?;
@@ -116,14 +116,14 @@ impl Sift {
         let tree = SearchTree::new(points)?;
         let sigma = |i: usize| scale * 2f64.powf((i as f64 - 1.0) / self.scales as f64);
         let sigmas: Vec<f64> = (0..self.scales + 3).map(sigma).collect();
-        let reach = REACH * sigmas[sigmas.len() - 1];
+        let reach = GAUSSIAN_REACH * sigmas[sigmas.len() - 1];
         let differences = par::map(
             points.len(),
             || (),
             |_, i| {
                 let around = tree.within(&points[i], reach);
                 let smooth = |&sigma: &f64| {
-                    let inside = |squared: f64| squared <= (REACH * sigma).powi(2);
+                    let inside = |squared: f64| squared <= (GAUSSIAN_REACH * sigma).powi(2);
                     let (mut sum, mut weights) = (0.0, 0.0);
                     for neighbor in &around {
                         let squared = f64::from(neighbor.squared_distance);
@@ -147,7 +147,7 @@ impl Sift {
             points.len(),
             || (),
             |_, i| {
-                let rivals = tree.k_nearest(&points[i], RIVALS);
+                let rivals = tree.k_nearest(&points[i], EXTREMUM_NEIGHBORS);
                 let row = |at: usize| rivals.iter().map(move |r| (r.index as usize, at));
                 (1..=self.scales).any(|s| {
                     let value = differences[i][s];
@@ -167,7 +167,7 @@ impl Sift {
 
 /// Mean point and mean value of every occupied cube of side `size` in a grid that starts
 /// at `corner`.
-fn thinned(
+fn downsample(
     points: &[[f32; 3]],
     values: &[f32],
     corner: [f32; 3],

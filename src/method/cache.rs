@@ -25,21 +25,21 @@ pub struct Cached<'a> {
 }
 
 /// What can be kept.
-pub(super) trait Keep: Any + Send + Sync {
+pub(super) trait HeapSize: Any + Send + Sync {
     /// Bytes that it takes, about.
     fn bytes(&self) -> usize;
 }
 
 /// Things of a kind that are kept: those made by settings that follow from the partner too
 /// would otherwise grow with the number of pairs.
-const MOST: usize = 4;
+const MAX_ENTRIES_PER_KEY_TYPE: usize = 4;
 
 struct Entry {
     key: Box<dyn Any + Send>,
-    slot: Arc<Mutex<Option<Made>>>,
+    slot: Arc<Mutex<Option<CachedValue>>>,
 }
 
-struct Made {
+struct CachedValue {
     value: Arc<dyn Any + Send + Sync>,
     bytes: Box<dyn Fn() -> usize + Send>,
 }
@@ -62,13 +62,13 @@ impl Cache {
     pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
     where
         K: PartialEq + Send + 'static,
-        T: Keep,
+        T: HeapSize,
     {
         let slot = self.slot(key);
         let mut slot = match slot.try_lock() {
             Ok(slot) => slot,
             Err(TryLockError::Poisoned(slot)) => slot.into_inner(),
-            Err(TryLockError::WouldBlock) if par::in_crew() => lock(&slot),
+            Err(TryLockError::WouldBlock) if par::in_worker() => lock(&slot),
             Err(TryLockError::WouldBlock) => return make().map(Arc::new),
         };
         let kept = slot.as_ref().and_then(|made| made.value.clone().downcast().ok());
@@ -77,19 +77,19 @@ impl Cache {
         }
         let value = Arc::new(make()?);
         let weighed = value.clone();
-        *slot = Some(Made { value: value.clone(), bytes: Box::new(move || weighed.bytes()) });
+        *slot = Some(CachedValue { value: value.clone(), bytes: Box::new(move || weighed.bytes()) });
         Ok(value)
     }
 
     /// The place of what is made under `key`, the last of all that are used; of a kind the
     /// least recently used is given up.
-    fn slot<K: PartialEq + Send + 'static>(&self, key: K) -> Arc<Mutex<Option<Made>>> {
+    fn slot<K: PartialEq + Send + 'static>(&self, key: K) -> Arc<Mutex<Option<CachedValue>>> {
         let mut entries = lock(&self.0);
         let of_kind = |entry: &Entry| entry.key.is::<K>();
         let entry = match entries.iter().position(|it| it.key.downcast_ref() == Some(&key)) {
             Some(at) => entries.remove(at),
             None => {
-                if entries.iter().filter(|it| of_kind(it)).count() >= MOST
+                if entries.iter().filter(|it| of_kind(it)).count() >= MAX_ENTRIES_PER_KEY_TYPE
                     && let Some(oldest) = entries.iter().position(of_kind)
                 {
                     entries.remove(oldest);
@@ -116,9 +116,9 @@ impl<'a> From<&'a PointCloud> for Cached<'a> {
 
 /// Key of a cloud's resolution.
 #[derive(PartialEq)]
-struct Resolution;
+struct ResolutionKey;
 
-impl Keep for f64 {
+impl HeapSize for f64 {
     fn bytes(&self) -> usize {
         size_of::<f64>()
     }
@@ -127,7 +127,7 @@ impl Keep for f64 {
 impl<'a> Cached<'a> {
     /// The points of the cloud that count, which are `counting`; what was made of all of them is
     /// of use only where those are all.
-    pub(super) fn counting(self, counting: &'a PointCloud) -> Cached<'a> {
+    pub(super) fn restrict_to(self, counting: &'a PointCloud) -> Cached<'a> {
         match counting.len() == self.cloud.len() {
             true => self,
             false => counting.into(),
@@ -138,7 +138,7 @@ impl<'a> Cached<'a> {
     pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
     where
         K: PartialEq + Send + 'static,
-        T: Keep,
+        T: HeapSize,
     {
         match self.cache {
             Some(cache) => cache.get(key, make),
@@ -148,7 +148,7 @@ impl<'a> Cached<'a> {
 
     /// The cloud's [resolution](search::resolution).
     pub(super) fn resolution(&self) -> Result<f64> {
-        self.get(Resolution, || search::resolution(self.cloud.points())).map(|found| *found)
+        self.get(ResolutionKey, || search::resolution(self.cloud.points())).map(|found| *found)
     }
 }
 
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::error::Error;
 
-    impl Keep for String {
+    impl HeapSize for String {
         fn bytes(&self) -> usize {
             self.len()
         }

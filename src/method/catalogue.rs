@@ -80,14 +80,14 @@ impl Method {
     }
 
     /// The search that verifies poses of the method, by its channels and its prior.
-    pub fn judge(&self) -> Consensus {
+    pub fn verifier(&self) -> Consensus {
         let (prior, channels) = match self {
             Method::Consensus(method) => return method.clone(),
-            Method::Cf(method) => (method.prior, &method.describe.channels[..]),
+            Method::Cf(method) => (method.prior, &method.features.channels[..]),
             Method::Cfk(method) => {
-                (method.connection.prior, &method.connection.describe.channels[..])
+                (method.cf.prior, &method.cf.features.channels[..])
             }
-            Method::Teaser(method) => (method.prior, &method.describe.channels[..]),
+            Method::Teaser(method) => (method.prior, &method.features.channels[..]),
             Method::Icp(method) => (method.prior, &[][..]),
             Method::Kc(method) => (method.prior, &[][..]),
             Method::Cpd(method) => (method.prior, &[][..]),
@@ -104,9 +104,9 @@ impl Method {
     /// times as long as `icp`, `plane-icp` and `gicp`, and 17, 2 and 0.1 times as long as `cf`;
     /// 0.3 to 4 times as long as `cfk` and `teaser` at 5,000 points, less than a third of
     /// `cf-multiscale`, `cpd`, `dare` and `kc` (`time_s` of `cfreg register --sample N --json`).
-    pub fn outweighs_verdict(&self) -> bool {
+    pub fn is_slower_than_verdict(&self) -> bool {
         match self {
-            Method::Cf(cf) => !cf.describe.more_scales.is_empty(),
+            Method::Cf(cf) => !cf.features.more_scales.is_empty(),
             Method::Icp(_) => false,
             _ => true,
         }
@@ -120,7 +120,7 @@ impl Method {
         let (checked, threads) = match self {
             Method::Consensus(method) => (method.validate(), method.threads),
             Method::Cf(method) => (method.validate(), method.threads),
-            Method::Cfk(method) => (method.validate(), method.connection.threads),
+            Method::Cfk(method) => (method.validate(), method.cf.threads),
             Method::Icp(method) => (method.validate(), method.threads),
             Method::Kc(method) => (method.validate(), method.threads),
             Method::Cpd(method) => (method.validate(), method.threads),
@@ -132,11 +132,11 @@ impl Method {
     }
 
     /// Agreement beyond chance below which a pose of the method is doubted.
-    pub(super) fn least_agreement(&self) -> f64 {
+    pub(super) fn min_chance_corrected_fitness(&self) -> f64 {
         match self {
             // Its verdict looks closer.
             Method::Consensus(_) => f64::NEG_INFINITY,
-            Method::Dare(_) => dare::MIN_AGREEMENT,
+            Method::Dare(_) => dare::MIN_CHANCE_CORRECTED_FITNESS,
             method if method.as_refinement().is_some() => quality::MIN_CHANCE_CORRECTED_FITNESS_LOCAL,
             _ => quality::MIN_CHANCE_CORRECTED_FITNESS,
         }
@@ -144,12 +144,12 @@ impl Method {
 
     /// Whether agreement beyond chance alone speaks for its poses: `consensus` has a verdict,
     /// `teaser` counts matches that chance does not bring together.
-    pub(super) fn rests_on_agreement(&self) -> bool {
+    pub(super) fn relies_on_fitness(&self) -> bool {
         !matches!(self, Method::Consensus(_) | Method::Teaser(_))
     }
 
     /// The answer, or the error with what may help in settings that the method has.
-    pub(crate) fn advised<T>(&self, found: Result<T>) -> Result<T> {
+    pub(crate) fn with_advice<T>(&self, found: Result<T>) -> Result<T> {
         found.map_err(|error| match error {
             Error::NoWeight { .. } => Error::NoWeight { advice: self.advice() },
             other => other,
@@ -210,11 +210,11 @@ impl FromStr for Method {
 
 impl Register for Method {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
-        self.advised(self.as_register().register(source, target))
+        self.with_advice(self.as_register().register(source, target))
     }
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
-        self.advised(self.as_register().register_cached(source, target))
+        self.with_advice(self.as_register().register_cached(source, target))
     }
 }
 
@@ -228,7 +228,7 @@ mod tests {
             ["beta", "sigma", "max_distance", "noise_bound", "voxel", "channels", "prior"];
         for name in Method::NAMES {
             let method: Method = name.parse().unwrap();
-            let said = method.advised(Err::<(), _>(Error::NO_WEIGHT)).unwrap_err().to_string();
+            let said = method.with_advice(Err::<(), _>(Error::NO_WEIGHT)).unwrap_err().to_string();
             let config = serde_json::to_value(&method).unwrap();
             let named: Vec<&str> =
                 SETTINGS.into_iter().filter(|setting| said.contains(setting)).collect();

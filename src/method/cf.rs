@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::prepared::{Describe, Scale};
-use super::registration::{Found, PointCounts, Registration, Timings};
+use super::features::{FeatureConfig, DescriptorScale};
+use super::registration::{SolvedPose, PointCounts, Registration, Timings};
 use super::{Cached, Method, Register, StopReason};
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
@@ -41,7 +41,7 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 pub struct Cf {
     /// How points are described.
     #[serde(flatten)]
-    pub describe: Describe,
+    pub features: FeatureConfig,
     /// Kernel of the squared descriptor distance; default the paper's Gaussian.
     pub weights: WeightScheme,
     /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12, or
@@ -89,17 +89,17 @@ impl Cf {
     /// # Ok::<(), cfreg::Error>(())
     /// ```
     pub fn multiscale() -> Cf {
-        let scale = |(k, normals)| Scale {
+        let scale = |(k, normals)| DescriptorScale {
             neighborhood: Neighborhood::Nearest(k),
             normal_neighborhood: Some(Neighborhood::Nearest(normals)),
         };
         Cf {
-            describe: Describe {
+            features: FeatureConfig {
                 neighborhood: Neighborhood::Nearest(100),
                 normal_neighborhood: Some(Neighborhood::Nearest(10)),
                 more_scales: [(200, 50), (400, 150)].map(scale).to_vec(),
                 histogram: HistogramScale::Open3d,
-                ..Describe::default()
+                ..FeatureConfig::default()
             },
             beta: Some(Bandwidth::Auto(Bandwidth::DEFAULT_SHARE)),
             normalization: Normalization::Both,
@@ -114,7 +114,7 @@ impl Cf {
 
     /// The bandwidth, the histogram's where none is set.
     pub fn bandwidth(&self) -> Bandwidth {
-        self.beta.unwrap_or_else(|| self.describe.histogram.default_beta().into())
+        self.beta.unwrap_or_else(|| self.features.histogram.default_beta().into())
     }
 
     /// Checks the ranges.
@@ -123,7 +123,7 @@ impl Cf {
     /// Those of [`Describe::validate`], [`Bandwidth::validate`], [`Prior::validate_for`] and
     /// [`check_tolerance`].
     pub fn validate(&self) -> Result<()> {
-        self.describe.validate()?;
+        self.features.validate()?;
         check_tolerance(self.tolerance)?;
         self.prior.validate_for(self.scale)?;
         self.bandwidth().validate()
@@ -149,30 +149,30 @@ impl Cf {
     ///
     /// # Errors
     /// As [`Register::register`], and those of `weigh`.
-    pub fn register_by(
+    pub fn register_with(
         &self,
         source: &PointCloud,
         target: &PointCloud,
         weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
     ) -> Result<Registration> {
         par::with_threads(self.threads, || {
-            let named = Method::Cf(self.custom());
+            let named = Method::Cf(self.with_custom_weights());
             let ends = [source.into(), target.into()];
             self.run(ends, None, named, |connection| Ok((weigh(connection)?, None)))
         })?
     }
 
     /// The settings with weights that have no name.
-    pub(super) fn custom(&self) -> Cf {
+    pub(super) fn with_custom_weights(&self) -> Cf {
         let (weights, normalization) = (WeightScheme::Custom, Normalization::None);
         Cf { weights, beta: None, normalization, tolerance: 0.0, ..self.clone() }
     }
 
     /// Moments by the configured weights, and the bandwidth that they had.
-    pub(super) fn weigh(&self, connection: &FullConnection) -> Result<(Moments, Option<f64>)> {
+    pub(super) fn weighted_moments(&self, connection: &FullConnection) -> Result<(Moments, Option<f64>)> {
         let beta = connection.bandwidth(self.bandwidth())?;
         let Cf { weights, normalization, tolerance, .. } = *self;
-        let moments = connection.scheme_moments_within(weights, beta, normalization, tolerance)?;
+        let moments = connection.pruned_moments(weights, beta, normalization, tolerance)?;
         Ok((moments, Some(beta)))
     }
 
@@ -188,7 +188,7 @@ impl Cf {
         self.validate()?;
         let mut times = Timings::default();
         let [source_side, target_side] =
-            self.describe.pair([source, target], detector, &mut times)?;
+            self.features.extract_pair([source, target], detector, &mut times)?;
         let (connection, beta, moments) = times.time("moments", || {
             let connection = source_side.connection(&target_side)?;
             let (moments, beta) = weigh(&connection)?;
@@ -200,7 +200,7 @@ impl Cf {
         let fewest = points.source.described.min(points.target.described);
         let few = detector.is_some() && fewest < MIN_KEYPOINTS;
         let doubt = Warning::FewKeypoints { found: fewest, needed: MIN_KEYPOINTS };
-        let found = Found {
+        let found = SolvedPose {
             transform: solution.transform,
             moments,
             singular_values: solution.singular_values,
@@ -213,7 +213,7 @@ impl Cf {
             config: named,
             doubts: few.then_some(doubt).into_iter().collect(),
         };
-        let concluded = Registration::conclude(found, source, target)?;
+        let concluded = Registration::finish(found, source, target)?;
         Ok(Registration { beta, ..concluded })
     }
 }
@@ -226,7 +226,7 @@ impl Register for Cf {
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || {
             let named = Method::Cf(self.resolved());
-            self.run([source, target], None, named, |connection| self.weigh(connection))
+            self.run([source, target], None, named, |connection| self.weighted_moments(connection))
         })?
     }
 }

@@ -37,7 +37,7 @@ pub struct Cfk {
     pub keypoints: Keypoints,
     /// Everything else, as in [`Cf`].
     #[serde(flatten)]
-    pub connection: Cf,
+    pub cf: Cf,
 }
 
 impl Cfk {
@@ -47,20 +47,20 @@ impl Cfk {
     /// Those of [`Cf::validate`] and [`Keypoints::validate`].
     pub fn validate(&self) -> Result<()> {
         self.keypoints.validate()?;
-        self.connection.validate()
+        self.cf.validate()
     }
 
     /// Registers with weights of one's own, see [`Cf::register_by`].
     ///
     /// # Errors
     /// As [`Register::register`], and those of `weigh`.
-    pub fn register_by(
+    pub fn register_with(
         &self,
         source: &PointCloud,
         target: &PointCloud,
         weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
     ) -> Result<Registration> {
-        let named = Cfk { connection: self.connection.custom(), ..self.clone() };
+        let named = Cfk { cf: self.cf.with_custom_weights(), ..self.clone() };
         let ends = [source.into(), target.into()];
         self.run(ends, named, |connection| Ok((weigh(connection)?, None)))
     }
@@ -71,7 +71,7 @@ impl Cfk {
         named: Cfk,
         weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)> + Send,
     ) -> Result<Registration> {
-        let cf = &self.connection;
+        let cf = &self.cf;
         par::with_threads(cf.threads, || {
             self.validate()?;
             cf.run(ends, Some(&self.keypoints), Method::Cfk(named), weigh)
@@ -85,8 +85,8 @@ impl Register for Cfk {
     }
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
-        let cf = &self.connection;
-        let named = Cfk { connection: cf.resolved(), ..self.clone() };
-        self.run([source, target], named, |connection| cf.weigh(connection))
+        let cf = &self.cf;
+        let named = Cfk { cf: cf.resolved(), ..self.clone() };
+        self.run([source, target], named, |connection| cf.weighted_moments(connection))
     }
 }

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::prepared::{Describe, Prepared};
+use super::features::{FeatureConfig, FeatureCloud};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
@@ -62,7 +62,7 @@ impl FromStr for Channel {
 }
 
 /// The values of `channels` in `cloud`, which errors call `name`.
-pub(super) fn values_of<'a>(
+pub(super) fn channel_values<'a>(
     channels: &[Channel],
     cloud: &'a PointCloud,
     name: &str,
@@ -91,22 +91,22 @@ pub(super) fn values_of<'a>(
 
 /// What the points of a cloud are compared by.
 #[derive(Clone, Copy)]
-pub(super) struct Compared<'a> {
+pub(super) struct DescriptorsWithChannels<'a> {
     pub(super) descriptors: &'a Descriptors,
     /// Values at the points, channel by channel.
     pub(super) channels: &'a [Vec<f32>],
 }
 
-impl Compared<'_> {
+impl DescriptorsWithChannels<'_> {
     fn channel(&self, c: usize) -> impl Iterator<Item = f64> + '_ {
         self.channels[c].iter().map(|&x| f64::from(x))
     }
 }
 
 /// Mean over both sides, and root mean square distance from it; the same bits in either order.
-fn spread<'a, V: Iterator<Item = f64> + 'a>(
-    sides: &'a [Compared<'a>; 2],
-    values: impl Fn(&'a Compared<'a>) -> V,
+fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
+    sides: &'a [DescriptorsWithChannels<'a>; 2],
+    values: impl Fn(&'a DescriptorsWithChannels<'a>) -> V,
 ) -> (f64, f64) {
     let [a, b] = sides;
     let n = (a.descriptors.len() + b.descriptors.len()) as f64;
@@ -120,26 +120,26 @@ fn spread<'a, V: Iterator<Item = f64> + 'a>(
 ///
 /// # Errors
 /// Those of [`Descriptors::new`].
-pub(super) fn joined(
+pub(super) fn concatenate_scaled_channels(
     channels: &[Channel],
     histogram: HistogramScale,
-    sides: [Compared<'_>; 2],
+    sides: [DescriptorsWithChannels<'_>; 2],
 ) -> Result<[Descriptors; 2]> {
     let dims = sides[0].descriptors.dim().min(sides[1].descriptors.dim());
     let bins = (0..dims).map(|d| {
-        spread(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
+        mean_and_std(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
     });
     let fpfh = bins.map(|(_, spread)| spread * spread).sum::<f64>().sqrt();
     let whole = fpfh.max(histogram.default_beta().sqrt());
     let scales: Vec<(f64, f64)> = (0..channels.len())
         .map(|c| {
-            let (mean, spread) = spread(&sides, move |side| side.channel(c));
+            let (mean, spread) = mean_and_std(&sides, move |side| side.channel(c));
             // Rounding alone is no difference.
             let same = spread <= 1e-6 * mean.abs();
             (mean, if same { 0.0 } else { channels[c].share * whole / spread })
         })
         .collect();
-    let beside = |side: &Compared<'_>| {
+    let beside = |side: &DescriptorsWithChannels<'_>| {
         let values = (0..side.descriptors.len()).flat_map(|i| {
             let channels = side.channels.iter().zip(&scales);
             let scaled =
@@ -151,7 +151,7 @@ pub(super) fn joined(
     Ok([beside(&sides[0])?, beside(&sides[1])?])
 }
 
-impl Describe {
+impl FeatureConfig {
     /// Puts the channels of both clouds beside their descriptors; without
     /// [`channels`](Self::channels) nothing changes.
     ///
@@ -166,7 +166,7 @@ impl Describe {
     /// # Errors
     /// [`Error::Shape`] for sides that were not described by these settings, and those of
     /// [`Descriptors::new`].
-    pub fn joined(&self, mut sides: [Prepared; 2]) -> Result<[Prepared; 2]> {
+    pub fn concatenate_channels(&self, mut sides: [FeatureCloud; 2]) -> Result<[FeatureCloud; 2]> {
         if self.channels.is_empty() {
             return Ok(sides);
         }
@@ -179,8 +179,8 @@ impl Describe {
         }
         let compared = sides
             .each_ref()
-            .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
-        let joined = joined(&self.channels, self.histogram, compared)?;
+            .map(|side| DescriptorsWithChannels { descriptors: &side.descriptors, channels: &side.channels });
+        let joined = concatenate_scaled_channels(&self.channels, self.histogram, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
             side.descriptors = descriptors;
             side.channels.clear();

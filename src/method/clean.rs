@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::cache::{Cache, Cached, Keep};
+use super::cache::{Cache, Cached, HeapSize};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::filter;
@@ -12,11 +12,11 @@ use crate::filter;
 pub(super) struct CleanCloud<'a> {
     /// As it was handed in.
     cloud: Cached<'a>,
-    clean: Arc<Clean>,
+    clean: Arc<CleanedPoints>,
 }
 
 /// Points that differ from those that were handed in, and what is made of them.
-struct Clean {
+struct CleanedPoints {
     /// `None`: all of them, as they are.
     cloud: Option<PointCloud>,
     cache: Cache,
@@ -29,8 +29,8 @@ struct CleanKey(bool);
 impl<'a> CleanCloud<'a> {
     pub(super) fn new(cloud: Cached<'a>, keep_no_returns: bool) -> Result<Self> {
         let clean = cloud.get(CleanKey(keep_no_returns), || {
-            let cloud = points(cloud.cloud, keep_no_returns)?;
-            Ok(Clean { cloud, cache: Cache::default() })
+            let cloud = clean_points(cloud.cloud, keep_no_returns)?;
+            Ok(CleanedPoints { cloud, cache: Cache::default() })
         })?;
         Ok(CleanCloud { cloud, clean })
     }
@@ -43,15 +43,15 @@ impl<'a> CleanCloud<'a> {
     }
 }
 
-impl Keep for Clean {
+impl HeapSize for CleanedPoints {
     fn bytes(&self) -> usize {
         self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
     }
 }
 
 /// The points that a method takes of `cloud`; `None` where it takes all, as they are.
-pub(super) fn points(cloud: &PointCloud, keep_no_returns: bool) -> Result<Option<PointCloud>> {
-    let returns = if keep_no_returns { None } else { filter::remove_no_returns(cloud) };
-    let distinct = filter::distinct_places(returns.as_ref().unwrap_or(cloud))?;
+pub(super) fn clean_points(cloud: &PointCloud, keep_no_returns: bool) -> Result<Option<PointCloud>> {
+    let returns = if keep_no_returns { None } else { filter::select_returns(cloud) };
+    let distinct = filter::merge_duplicate_points(returns.as_ref().unwrap_or(cloud))?;
     Ok(distinct.or(returns))
 }

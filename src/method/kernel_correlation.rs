@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::positions::Positions;
-use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::{Method, Refine, Step, StopReason};
+use super::position_problem::PositionProblem;
+use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::{Method, Refine, IterationRecord, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -13,9 +13,9 @@ use crate::search;
 use crate::weight::{Gaussian, Normalization};
 
 /// Default first σ in root mean square radii of the target.
-const FIRST_IN_RADII: f64 = 0.5;
+const INITIAL_SIGMA_RADII: f64 = 0.5;
 /// Default last σ in resolutions of the coarser cloud.
-const LAST_IN_RESOLUTIONS: f64 = 2.0;
+const FINAL_SIGMA_RESOLUTIONS: f64 = 2.0;
 
 /// Kernel Correlation (Tsin and Kanade 2004; the paper's eq. 2): the pose under which the
 /// clouds, each blurred by a Gaussian, agree most, J(T) = Σ_ij exp(−d_ij²/2σ²).
@@ -110,7 +110,7 @@ impl KernelCorrelation {
     }
 
     /// The first and the last σ.
-    fn range(
+    fn sigma_range(
         &self,
         source: &PointCloud,
         target: &PointCloud,
@@ -123,12 +123,12 @@ impl KernelCorrelation {
                 let source = search::resolution(source.points())? * scale;
                 let resolution = source.max(search::resolution(target.points())?);
                 // Clouds of repeated points have resolution 0.
-                (LAST_IN_RESOLUTIONS * resolution).max(1e-3 * unit)
+                (FINAL_SIGMA_RESOLUTIONS * resolution).max(1e-3 * unit)
             }
         };
         Ok(match self.sigma {
             Some(first) => (first, last.min(first)),
-            None => ((FIRST_IN_RADII * unit).max(last), last),
+            None => ((INITIAL_SIGMA_RADII * unit).max(last), last),
         })
     }
 
@@ -139,11 +139,11 @@ impl KernelCorrelation {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
-        let (source, target) = (&*source.counting(), &*target.counting());
+        let (source, target) = (&*source.with_positive_weights(), &*target.with_positive_weights());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || Positions::new(source.into(), target.into()))?;
-        let unit = positions.unit();
-        let (first, last) = self.range(source, target, unit, initial.scale)?;
+        let positions = times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
+        let unit = positions.rms_radius();
+        let (first, last) = self.sigma_range(source, target, unit, initial.scale)?;
         let (mut pose, mut sigma) = (*initial, first);
         let (mut iterations, mut in_level, mut before) = (0, 0, f64::NEG_INFINITY);
         let mut trace = Vec::new();
@@ -151,7 +151,7 @@ impl KernelCorrelation {
             (iterations, in_level) = (iterations + 1, in_level + 1);
             let kernel = Gaussian { beta: (2.0 * (sigma / unit).powi(2)) as f32 };
             let moments = times.time("moments", || {
-                positions.connection(&pose)?.moments(&kernel, Normalization::None)
+                positions.full_connection(&pose)?.moments(&kernel, Normalization::None)
             })?;
             let solution = times.time("solve", || {
                 pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &self.prior)
@@ -159,7 +159,7 @@ impl KernelCorrelation {
             pose = solution.transform;
             let objective = moments.weight;
             if self.trace {
-                trace.push(Step {
+                trace.push(IterationRecord {
                     iteration: iterations,
                     transform: pose,
                     objective,
@@ -180,8 +180,8 @@ impl KernelCorrelation {
             sigma = (sigma * self.factor).max(last);
             (in_level, before) = (0, f64::NEG_INFINITY);
         };
-        let points = PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
-        let found = Found {
+        let points = PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
+        let found = SolvedPose {
             transform: pose,
             moments,
             singular_values: solution.singular_values,
@@ -198,7 +198,7 @@ impl KernelCorrelation {
             }),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source.into(), target.into())
+        Registration::finish(found, source.into(), target.into())
     }
 }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use super::schedule::{Step, StopReason};
+use super::termination::{IterationRecord, StopReason};
 use super::{Cached, Certificate, Consensus, Method};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
@@ -60,7 +60,7 @@ pub struct Registration {
     pub stop: StopReason,
     /// Every iteration, where the configuration asks for a trace; else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub trace: Vec<Step>,
+    pub trace: Vec<IterationRecord>,
     /// Points of both clouds, from file to solve.
     pub points: PointCounts,
     /// Wall-clock seconds of each stage, in the order in which they ran, and in total.
@@ -78,14 +78,14 @@ pub struct Registration {
 
 /// What a method knows at its end; [`Registration::conclude`] looks at the clouds under
 /// the pose and adds the verdict.
-pub(super) struct Found {
+pub(super) struct SolvedPose {
     pub(super) transform: Transform,
     pub(super) moments: Moments,
     pub(super) singular_values: [f64; 3],
     pub(super) connections: u64,
     pub(super) iterations: u32,
     pub(super) stop: StopReason,
-    pub(super) trace: Vec<Step>,
+    pub(super) trace: Vec<IterationRecord>,
     pub(super) points: PointCounts,
     pub(super) times: Timings,
     /// With defaults filled in.
@@ -99,24 +99,24 @@ impl Registration {
     ///
     /// # Errors
     /// Those of [`quality::evaluate`].
-    pub(super) fn conclude(found: Found, source: Cached<'_>, target: Cached<'_>) -> Result<Self> {
-        let Found { transform, moments, singular_values, mut times, mut doubts, .. } = found;
+    pub(super) fn finish(found: SolvedPose, source: Cached<'_>, target: Cached<'_>) -> Result<Self> {
+        let SolvedPose { transform, moments, singular_values, mut times, mut doubts, .. } = found;
         let evaluation = times.time("evaluate", || {
-            let [from, onto] = par::both([source, target], |side| side.resolution())?;
+            let [from, onto] = par::join_pair([source, target], |side| side.resolution())?;
             let distance = quality::default_distance_from_resolutions(from, onto, transform.scale);
             quality::evaluate(source.cloud, target.cloud, &transform, distance)
         })?;
         if found.stop == StopReason::IterationLimit {
             doubts.push(Warning::NotConverged { iterations: found.iterations });
         }
-        let needed = found.config.least_agreement();
+        let needed = found.config.min_chance_corrected_fitness();
         let (chance, most) = (evaluation.chance_fitness, quality::MAX_CHANCE_FITNESS);
-        if found.config.rests_on_agreement() && chance > most {
+        if found.config.relies_on_fitness() && chance > most {
             doubts.push(Warning::HighChanceFitness { found: chance, most });
         }
         doubts.extend(quality::find_warnings(&evaluation, singular_values, needed));
         let low = doubts.iter().any(|doubt| matches!(doubt, Warning::LowFitness { .. }));
-        let by_origin = |counts: &Counts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
+        let by_origin = |counts: &CloudCounts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
         if low && (by_origin(&found.points.source) || by_origin(&found.points.target)) {
             doubts.push(Warning::NoViewpoint);
         }
@@ -167,7 +167,7 @@ impl Registration {
 
     /// The same with a verdict that `judge` gave. Where wrong rotations fit as well, and neither
     /// channels nor a prior tell them apart, the pose is ambiguous.
-    pub(super) fn verified_by(self, verdict: Verdict, judge: &Consensus) -> Self {
+    pub(super) fn with_verdict_from(self, verdict: Verdict, judge: &Consensus) -> Self {
         let found = self.evaluation.chance_fitness;
         let most = quality::MAX_CHANCE_FITNESS_VERIFIED;
         if found <= most || !judge.channels.is_empty() || !judge.prior.is_none() {
@@ -181,28 +181,28 @@ impl Registration {
 }
 
 /// Doubts, each with what it says.
-fn told<S: Serializer>(doubts: &[Warning], serializer: S) -> std::result::Result<S::Ok, S::Error> {
+fn with_messages<S: Serializer>(doubts: &[Warning], serializer: S) -> std::result::Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Told<'a> {
+    struct WarningWithMessage<'a> {
         #[serde(flatten)]
         doubt: &'a Warning,
         message: String,
     }
-    serializer.collect_seq(doubts.iter().map(|doubt| Told { doubt, message: doubt.to_string() }))
+    serializer.collect_seq(doubts.iter().map(|doubt| WarningWithMessage { doubt, message: doubt.to_string() }))
 }
 
 /// Points of the two clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct PointCounts {
     /// Of the source.
-    pub source: Counts,
+    pub source: CloudCounts,
     /// Of the target.
-    pub target: Counts,
+    pub target: CloudCounts,
 }
 
 /// What became of the points of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Counts {
+pub struct CloudCounts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
     pub dropped: usize,
     /// Rows that marked measurements without a return, and were left out
@@ -222,10 +222,10 @@ pub struct Counts {
     pub oriented_by: Option<OrientedBy>,
 }
 
-impl Counts {
+impl CloudCounts {
     /// Of a cloud whose points are connected as they are.
-    pub(super) fn plain(cloud: &PointCloud) -> Self {
-        Counts {
+    pub(super) fn from_cloud(cloud: &PointCloud) -> Self {
+        CloudCounts {
             dropped: cloud.dropped(),
             no_returns: cloud.no_returns(),
             used: cloud.len(),

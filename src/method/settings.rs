@@ -29,12 +29,12 @@ impl Method {
         let mut method = self;
         for (name, value) in settings {
             // One at a time, so that an error names its setting.
-            method = method.with_one(name, value)?;
+            method = method.with_setting(name, value)?;
         }
         Ok(method)
     }
 
-    fn with_one(&self, name: &str, value: Value) -> Result<Self> {
+    fn with_setting(&self, name: &str, value: Value) -> Result<Self> {
         let shown = value.to_string();
         let bad = |rule: String| {
             // Words know their rule by name and value, which are said already.
@@ -42,32 +42,32 @@ impl Method {
             let rule = rule.strip_prefix(&said).unwrap_or(&rule).to_string();
             Error::Setting { name: name.into(), value: shown.clone(), rule }
         };
-        let (field, value) = long_form(name, value)?;
+        let (field, value) = expand_shorthand(name, value)?;
         let mut config = match serde_json::to_value(self) {
             Ok(Value::Object(config)) => config,
             _ => return Err(bad("the method has no settings".into())),
         };
         if field == "method" || !config.contains_key(field) {
-            let rule = format!("{} has no such setting; it has {}", self.name(), names(&config));
+            let rule = format!("{} has no such setting; it has {}", self.name(), setting_names(&config));
             return Err(bad(rule));
         }
         config.insert(field.into(), value);
-        serde_json::from_value(Value::Object(config)).map_err(|error| bad(plain(error)))
+        serde_json::from_value(Value::Object(config)).map_err(|error| bad(setting_error_text(error)))
     }
 }
 
-fn long_form(name: &str, value: Value) -> Result<(&str, Value)> {
+fn expand_shorthand(name: &str, value: Value) -> Result<(&str, Value)> {
     Ok(match name {
         "neighbors" => ("neighborhood", json!({ "nearest": value })),
         "radius" => ("neighborhood", json!({ "radius": value })),
         "normal_neighbors" => ("normal_neighborhood", json!({ "nearest": value })),
         "more_neighbors" => match value {
-            Value::Array(counts) => ("more_scales", counts.into_iter().map(scale).collect()),
-            value => ("more_scales", json!([scale(value)])),
+            Value::Array(counts) => ("more_scales", counts.into_iter().map(parse_scale).collect()),
+            value => ("more_scales", json!([parse_scale(value)])),
         },
         "channels" => match value {
-            Value::Array(all) => ("channels", all.into_iter().map(channel).collect::<Result<_>>()?),
-            value => ("channels", json!([channel(value)?])),
+            Value::Array(all) => ("channels", all.into_iter().map(parse_channel).collect::<Result<_>>()?),
+            value => ("channels", json!([parse_channel(value)?])),
         },
         "detector" => match value {
             Value::String(name) => ("keypoints", json!({ name: {} })),
@@ -80,7 +80,7 @@ fn long_form(name: &str, value: Value) -> Result<(&str, Value)> {
 }
 
 /// `200`, or `"200:50"`: nearest points for descriptors, and for normals.
-fn scale(value: Value) -> Value {
+fn parse_scale(value: Value) -> Value {
     let nearest = |count: &str| match count.trim().parse::<u64>() {
         Ok(count) => json!({ "nearest": count }),
         Err(_) => json!({ "nearest": count }),
@@ -95,7 +95,7 @@ fn scale(value: Value) -> Value {
 }
 
 /// `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
-fn channel(value: Value) -> Result<Value> {
+fn parse_channel(value: Value) -> Result<Value> {
     let Some(text) = value.as_str() else { return Ok(value) };
     let parsed = text.parse::<super::Channel>();
     // Here, as JSON would turn NaN into nothing.
@@ -109,7 +109,7 @@ fn channel(value: Value) -> Result<Value> {
 }
 
 /// What serde says of a value, without Rust's names for numbers.
-fn plain(error: serde_json::Error) -> String {
+fn setting_error_text(error: serde_json::Error) -> String {
     let said = error.to_string();
     ["usize", "u32", "u64"]
         .iter()
@@ -119,7 +119,7 @@ fn plain(error: serde_json::Error) -> String {
         .replace("expected f64", "expected a number")
 }
 
-fn names(config: &Map<String, Value>) -> String {
+fn setting_names(config: &Map<String, Value>) -> String {
     let names: Vec<&str> =
         config.keys().map(String::as_str).filter(|&name| name != "method").collect();
     names.join(", ")
@@ -134,27 +134,27 @@ mod tests {
         let method: Method = "cf".parse().unwrap();
         let set = |name, value| method.clone().with([(name, value)]);
         let Method::Cf(cf) = set("neighbors", 20.into()).unwrap() else { panic!() };
-        assert_eq!(cf.describe.neighborhood, crate::search::Neighborhood::Nearest(20));
+        assert_eq!(cf.features.neighborhood, crate::search::Neighborhood::Nearest(20));
         let value = json!([200, "300", "400:150"]);
         let Method::Cf(cf) = set("more_neighbors", value).unwrap() else { panic!() };
         let nearest = crate::search::Neighborhood::Nearest;
-        let scale = |k, normals: Option<usize>| crate::method::Scale {
+        let scale = |k, normals: Option<usize>| crate::method::DescriptorScale {
             neighborhood: nearest(k),
             normal_neighborhood: normals.map(nearest),
         };
         let more = [scale(200, None), scale(300, None), scale(400, Some(150))];
-        assert_eq!(cf.describe.more_scales, more);
+        assert_eq!(cf.features.more_scales, more);
         let Method::Cf(cf) = set("channels", json!(["intensity:0.5", "red"])).unwrap() else {
             panic!()
         };
         let channel = |name: &str, share| crate::method::Channel { name: name.into(), share };
-        assert_eq!(cf.describe.channels, [channel("intensity", 0.5), channel("red", 1.0)]);
+        assert_eq!(cf.features.channels, [channel("intensity", 0.5), channel("red", 1.0)]);
         let Method::Cf(cf) = set("beta", "auto".into()).unwrap() else { panic!() };
         assert_eq!(cf.beta, Some(crate::weight::Bandwidth::Auto(0.25)));
         let Method::Cf(cf) = set("normalize", "sinkhorn:3".into()).unwrap() else { panic!() };
         assert_eq!(cf.normalization, crate::weight::Normalization::Sinkhorn(3));
         let Method::Cf(cf) = set("viewpoint", json!([1, 2, 3])).unwrap() else { panic!() };
-        assert_eq!(cf.describe.orientation, crate::normals::Orientation::Towards([1.0, 2.0, 3.0]));
+        assert_eq!(cf.features.orientation, crate::normals::Orientation::Towards([1.0, 2.0, 3.0]));
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The full connection between two described clouds, and its moments.
 
-use super::dense::{self, inverted, nearest, row_sums};
-use super::side::{Described, PointWeights, Side};
-use super::skip;
+use super::dense::{self, inverse_factors, nearest_descriptors, row_sums};
+use super::side::{FeatureView, PointWeights, ConnectionSide};
+use super::pruned;
 use super::sums::Moments;
 use super::tile::{Scaling, joint_mean};
 use crate::error::{Error, Result};
@@ -27,14 +27,14 @@ use crate::weight::{Bandwidth, KernelVisitor, Normalization, WeightKernel, Weigh
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub struct FullConnection {
-    pub(super) source: Side,
-    pub(super) target: Side,
+    pub(super) source: ConnectionSide,
+    pub(super) target: ConnectionSide,
 }
 
 /// Least automatic bandwidth, in variances of the descriptors.
-const RESOLVED: f64 = 1e-3;
+const MIN_BANDWIDTH_SHARE: f64 = 1e-3;
 /// Least bandwidth of all, where descriptors do not differ.
-const SMALLEST: f64 = 1e-12;
+const MIN_BANDWIDTH: f64 = 1e-12;
 
 impl FullConnection {
     /// Connects all points of `source` with all of `target`.
@@ -43,7 +43,7 @@ impl FullConnection {
     /// [`Error::TooFewPoints`] for an empty side, [`Error::Shape`] when a side has not one
     /// descriptor a point or the dimensions differ, [`Error::NonFinite`] for descriptors
     /// too large for f32 distances.
-    pub fn new(source: Described<'_>, target: Described<'_>) -> Result<Self> {
+    pub fn new(source: FeatureView<'_>, target: FeatureView<'_>) -> Result<Self> {
         let (from, to) = (source.descriptors.dim(), target.descriptors.dim());
         if from != to {
             let what = "dimension of the target's descriptors, against the source's".into();
@@ -51,8 +51,8 @@ impl FullConnection {
         }
         let mean = joint_mean(source.descriptors, target.descriptors);
         Ok(FullConnection {
-            source: Side::new(&source, &mean, "source")?,
-            target: Side::new(&target, &mean, "target")?,
+            source: ConnectionSide::new(&source, &mean, "source")?,
+            target: ConnectionSide::new(&target, &mean, "target")?,
         })
     }
 
@@ -72,7 +72,7 @@ impl FullConnection {
         source: Option<&[f32]>,
         target: Option<&[f32]>,
     ) -> Result<Self> {
-        let made = |side: &Side, weights: Option<&[f32]>, name| {
+        let made = |side: &ConnectionSide, weights: Option<&[f32]>, name| {
             weights.map(|weights| PointWeights::new(weights, side.rows.len(), name)).transpose()
         };
         self.source.weights = made(&self.source, source, "source")?;
@@ -106,16 +106,16 @@ impl FullConnection {
         let moments = match normalization {
             Normalization::None => dense::weigh(source, target, kernel, Scaling::None),
             Normalization::Source => {
-                let u = inverted(&self.source_sums(kernel), 1.0);
+                let u = inverse_factors(&self.source_sums(kernel), 1.0);
                 dense::weigh(source, target, kernel, Scaling::Source(&u))
             }
             Normalization::Target => {
-                let v = inverted(&self.target_sums(kernel), 1.0);
+                let v = inverse_factors(&self.target_sums(kernel), 1.0);
                 dense::weigh(source, target, kernel, Scaling::Target(&v))
             }
             Normalization::Both => {
-                let u = inverted(&self.source_sums(kernel), 1.0);
-                let v = inverted(&self.target_sums(kernel), 1.0);
+                let u = inverse_factors(&self.source_sums(kernel), 1.0);
+                let v = inverse_factors(&self.target_sums(kernel), 1.0);
                 dense::weigh(source, target, kernel, Scaling::Dual(&u, &v))
             }
             Normalization::Sinkhorn(rounds) => {
@@ -138,14 +138,14 @@ impl FullConnection {
         beta: f64,
         normalization: Normalization,
     ) -> Result<Moments> {
-        struct Weigh<'a>(&'a FullConnection, Normalization);
-        impl KernelVisitor for Weigh<'_> {
+        struct MomentsVisitor<'a>(&'a FullConnection, Normalization);
+        impl KernelVisitor for MomentsVisitor<'_> {
             type Output = Result<Moments>;
             fn visit<K: WeightKernel>(self, kernel: K) -> Result<Moments> {
                 self.0.moments(&kernel, self.1)
             }
         }
-        scheme.visit(beta, Weigh(self, normalization))?
+        scheme.visit(beta, MomentsVisitor(self, normalization))?
     }
 
     /// [`scheme_moments`](Self::scheme_moments) within a tolerance ε in [0, 1), in less time:
@@ -160,7 +160,7 @@ impl FullConnection {
     ///
     /// # Errors
     /// Those of [`scheme_moments`](Self::scheme_moments), and of [`check_tolerance`].
-    pub fn scheme_moments_within(
+    pub fn pruned_moments(
         &self,
         scheme: WeightScheme,
         beta: f64,
@@ -168,32 +168,32 @@ impl FullConnection {
         tolerance: f64,
     ) -> Result<Moments> {
         check_tolerance(tolerance)?;
-        if tolerance == 0.0 || self.pairs() < skip::WORTH || self.has_point_weights() {
+        if tolerance == 0.0 || self.pairs() < pruned::MIN_CONNECTIONS || self.has_point_weights() {
             return self.scheme_moments(scheme, beta, normalization);
         }
-        let (moments, _) = self.skipping(scheme, beta, normalization, tolerance)?;
+        let (moments, _) = self.pruned_moments_with_count(scheme, beta, normalization, tolerance)?;
         moments.centered()?;
         Ok(moments)
     }
 
     /// Moments within a tolerance above 0, whatever the size, and how many weights were
     /// computed for them. A scheme, as a closure may grow with d².
-    pub(super) fn skipping(
+    pub(super) fn pruned_moments_with_count(
         &self,
         scheme: WeightScheme,
         beta: f64,
         normalization: Normalization,
         tolerance: f64,
     ) -> Result<(Moments, u64)> {
-        struct Skip<'a>(&'a FullConnection, Normalization, f64);
-        impl KernelVisitor for Skip<'_> {
+        struct PrunedMomentsVisitor<'a>(&'a FullConnection, Normalization, f64);
+        impl KernelVisitor for PrunedMomentsVisitor<'_> {
             type Output = (Moments, u64);
             fn visit<K: WeightKernel>(self, kernel: K) -> (Moments, u64) {
-                let Skip(FullConnection { source, target }, normalization, tolerance) = self;
-                skip::moments(source, target, &kernel, normalization, tolerance)
+                let PrunedMomentsVisitor(FullConnection { source, target }, normalization, tolerance) = self;
+                pruned::moments(source, target, &kernel, normalization, tolerance)
             }
         }
-        scheme.visit(beta, Skip(self, normalization, tolerance))
+        scheme.visit(beta, PrunedMomentsVisitor(self, normalization, tolerance))
     }
 
     /// Moments of `w_ij v_j` for given factors v of the target points: the per-target
@@ -230,12 +230,12 @@ impl FullConnection {
     /// Of every source point, the target point with the most similar descriptor; the
     /// lower index where two are equally near.
     pub fn nearest_targets(&self) -> Vec<u32> {
-        let nearest = nearest(&self.source, &self.target);
+        let nearest = nearest_descriptors(&self.source, &self.target);
         nearest.into_iter().map(|(_, target)| target).collect()
     }
 
     /// Pairs (source, target) of points that are each other's most similar, by source point.
-    pub fn mutual(&self) -> Vec<(u32, u32)> {
+    pub fn mutual_nearest(&self) -> Vec<(u32, u32)> {
         let (there, back) = (self.nearest_targets(), self.nearest_sources());
         let pairs = there.into_iter().zip(0..).map(|(j, i)| (i, j));
         pairs.filter(|&(i, j)| back[j as usize] == i).collect()
@@ -243,7 +243,7 @@ impl FullConnection {
 
     /// Of every target point, the source point with the most similar descriptor.
     pub fn nearest_sources(&self) -> Vec<u32> {
-        let nearest = nearest(&self.target, &self.source);
+        let nearest = nearest_descriptors(&self.target, &self.source);
         nearest.into_iter().map(|(_, source)| source).collect()
     }
 
@@ -261,19 +261,19 @@ impl FullConnection {
             Bandwidth::Fixed(beta) => return Ok(beta),
             Bandwidth::Auto(share) => share,
         };
-        let there = nearest(&self.source, &self.target);
-        let back = nearest(&self.target, &self.source);
+        let there = nearest_descriptors(&self.source, &self.target);
+        let back = nearest_descriptors(&self.target, &self.source);
         let mut least: Vec<f32> = there.iter().chain(&back).map(|&(d2, _)| d2).collect();
         let half = least.len() / 2;
         let (_, &mut median, _) = least.select_nth_unstable_by(half, f32::total_cmp);
         let norms = || self.source.rows.norms().iter().chain(self.target.rows.norms());
         let variance = norms().map(|&norm| f64::from(norm)).sum::<f64>() / least.len() as f64;
-        let floor = (RESOLVED * variance).max(SMALLEST);
+        let floor = (MIN_BANDWIDTH_SHARE * variance).max(MIN_BANDWIDTH);
         Ok((share * f64::from(median)).max(floor))
     }
 
     /// Σ_i aᵢ w_ij of every target point, with the weights aᵢ of the source's points.
-    pub(crate) fn weighed_target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
+    pub(crate) fn point_weighted_target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         let Some(PointWeights { shares, scale }) = &self.source.weights else {
             return self.target_sums(kernel);
         };
@@ -292,9 +292,9 @@ impl FullConnection {
         let (mut u, mut v) = (Vec::new(), vec![1.0f32; m]);
         for _ in 0..rounds {
             let sums = row_sums(&self.source, &self.target, kernel, Scaling::Target(&v));
-            u = inverted(&sums, 1.0 / n as f64);
+            u = inverse_factors(&sums, 1.0 / n as f64);
             let sums = row_sums(&self.target, &self.source, kernel, Scaling::Target(&u));
-            v = inverted(&sums, 1.0 / m as f64);
+            v = inverse_factors(&sums, 1.0 / m as f64);
         }
         (u, v)
     }

@@ -1,7 +1,7 @@
 //! Passes over all pairs of two sides, tile by tile.
 
-use super::reduce::{Least, MomentSums, RowSums, Targets};
-use super::side::Side;
+use super::reduce::{RowMinima, MomentSums, RowSums, Targets};
+use super::side::ConnectionSide;
 use super::sums::Moments;
 use super::tile::{SOURCES, Scaling, weigh_block};
 use crate::par;
@@ -9,15 +9,15 @@ use crate::weight::WeightKernel;
 
 /// Weighs all pairs, by the weights of their points too: these become part of the factors.
 pub(super) fn weigh<K: WeightKernel>(
-    source: &Side,
-    target: &Side,
+    source: &ConnectionSide,
+    target: &ConnectionSide,
     kernel: &K,
     scaling: Scaling<'_>,
 ) -> Moments {
     if source.weights.is_none() && target.weights.is_none() {
         return weigh_pairs(source, target, kernel, scaling);
     }
-    let shares = |side: &Side| match &side.weights {
+    let shares = |side: &ConnectionSide| match &side.weights {
         Some(weights) => weights.shares.clone(),
         None => vec![1.0; side.rows.len()],
     };
@@ -38,13 +38,13 @@ pub(super) fn weigh<K: WeightKernel>(
         Scaling::Dual(..) => Scaling::Dual(&u, &v),
         _ => Scaling::Product(&u, &v),
     };
-    let scale = |side: &Side| side.weights.as_ref().map_or(1.0, |weights| weights.scale);
-    weigh_pairs(source, target, kernel, scaling).times(scale(source) * scale(target))
+    let scale = |side: &ConnectionSide| side.weights.as_ref().map_or(1.0, |weights| weights.scale);
+    weigh_pairs(source, target, kernel, scaling).scaled(scale(source) * scale(target))
 }
 
 fn weigh_pairs<K: WeightKernel>(
-    source: &Side,
-    target: &Side,
+    source: &ConnectionSide,
+    target: &ConnectionSide,
     kernel: &K,
     scaling: Scaling<'_>,
 ) -> Moments {
@@ -65,8 +65,8 @@ fn weigh_pairs<K: WeightKernel>(
 
 /// Σ of the weights of every point of `from`, against all of `onto`.
 pub(super) fn row_sums<K: WeightKernel>(
-    from: &Side,
-    onto: &Side,
+    from: &ConnectionSide,
+    onto: &ConnectionSide,
     kernel: &K,
     scaling: Scaling<'_>,
 ) -> Vec<f64> {
@@ -79,9 +79,9 @@ pub(super) fn row_sums<K: WeightKernel>(
 }
 
 /// Squared distance from every point of `from` to the most similar of `onto`, and which it is.
-pub(super) fn nearest(from: &Side, onto: &Side) -> Vec<(f32, u32)> {
+pub(super) fn nearest_descriptors(from: &ConnectionSide, onto: &ConnectionSide) -> Vec<(f32, u32)> {
     let blocks = par::map_blocks(from.rows.len(), SOURCES, Vec::new, |tile, block| {
-        let mut reducer = Least { found: vec![(f32::INFINITY, 0); block.len()] };
+        let mut reducer = RowMinima { found: vec![(f32::INFINITY, 0); block.len()] };
         let distance = |d2: f32| d2;
         weigh_block(&from.rows, block, &onto.panels, &distance, Scaling::None, &mut reducer, tile);
         reducer.found
@@ -91,7 +91,7 @@ pub(super) fn nearest(from: &Side, onto: &Side) -> Vec<(f32, u32)> {
 
 /// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.
 /// A NaN sum stays NaN, so that a bad kernel is reported and not hidden.
-pub(super) fn inverted(sums: &[f64], numerator: f64) -> Vec<f32> {
+pub(super) fn inverse_factors(sums: &[f64], numerator: f64) -> Vec<f32> {
     let invert = |&sum: &f64| {
         if sum < f64::from(f32::MIN_POSITIVE) { 0.0 } else { (numerator / sum) as f32 }
     };

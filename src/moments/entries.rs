@@ -1,9 +1,9 @@
 //! Entries and sums of the weights themselves, for those who want to look at W.
 
 use super::connection::FullConnection;
-use super::dense::{inverted, row_sums};
-use super::reduce::Most;
-use super::side::Side;
+use super::dense::{inverse_factors, row_sums};
+use super::reduce::RowMaxima;
+use super::side::ConnectionSide;
 use super::tile::{SOURCES, Scaling, weigh_block};
 use crate::error::Result;
 use crate::par;
@@ -29,20 +29,20 @@ struct Factors {
     source: Vec<f32>,
     target: Vec<f32>,
     /// Whether the weight stands in there squared.
-    dual: bool,
+    squares_weight: bool,
 }
 
 impl Factors {
     fn scaling(&self) -> Scaling<'_> {
-        match self.dual {
+        match self.squares_weight {
             true => Scaling::Dual(&self.source, &self.target),
             false => Scaling::Product(&self.source, &self.target),
         }
     }
 
     /// The same seen from the target.
-    fn turned(&self) -> Scaling<'_> {
-        match self.dual {
+    fn transposed_scaling(&self) -> Scaling<'_> {
+        match self.squares_weight {
             true => Scaling::Dual(&self.target, &self.source),
             false => Scaling::Product(&self.target, &self.source),
         }
@@ -67,14 +67,14 @@ impl FullConnection {
         rows: &[u32],
         columns: &[u32],
     ) -> Result<Entries> {
-        struct Look<'a>(&'a FullConnection, Normalization, [&'a [u32]; 2]);
-        impl KernelVisitor for Look<'_> {
+        struct EntriesVisitor<'a>(&'a FullConnection, Normalization, [&'a [u32]; 2]);
+        impl KernelVisitor for EntriesVisitor<'_> {
             type Output = Entries;
             fn visit<K: WeightKernel>(self, kernel: K) -> Entries {
                 self.0.entries_by(&kernel, self.1, self.2)
             }
         }
-        scheme.visit(beta, Look(self, normalization, [rows, columns]))
+        scheme.visit(beta, EntriesVisitor(self, normalization, [rows, columns]))
     }
 
     fn entries_by<K: WeightKernel>(
@@ -89,7 +89,7 @@ impl FullConnection {
             let (a, b) = (source.rows.row(i), target.rows.row(j));
             let w = kernel.weight(a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum());
             let scaled = (w * factors.source[i]) * factors.target[j];
-            if factors.dual { scaled * w } else { scaled }
+            if factors.squares_weight { scaled * w } else { scaled }
         };
         let block = rows.iter().flat_map(|&i| {
             let row = columns.iter().map(move |&j| (i as usize, j as usize));
@@ -98,15 +98,15 @@ impl FullConnection {
         Entries {
             block: block.collect(),
             source_sums: row_sums(source, target, kernel, factors.scaling()),
-            target_sums: row_sums(target, source, kernel, factors.turned()),
-            heaviest: heaviest(source, target, kernel, factors.scaling()),
+            target_sums: row_sums(target, source, kernel, factors.transposed_scaling()),
+            heaviest: heaviest_targets(source, target, kernel, factors.scaling()),
         }
     }
 
     fn factors<K: WeightKernel>(&self, kernel: &K, normalization: Normalization) -> Factors {
-        let ones = |side: &Side| vec![1.0; side.rows.len()];
-        let by_source = || inverted(&self.source_sums(kernel), 1.0);
-        let by_target = || inverted(&self.target_sums(kernel), 1.0);
+        let ones = |side: &ConnectionSide| vec![1.0; side.rows.len()];
+        let by_source = || inverse_factors(&self.source_sums(kernel), 1.0);
+        let by_target = || inverse_factors(&self.target_sums(kernel), 1.0);
         let (mut source, mut target) = match normalization {
             Normalization::None => (ones(&self.source), ones(&self.target)),
             Normalization::Source => (by_source(), ones(&self.target)),
@@ -119,19 +119,19 @@ impl FullConnection {
             let own = weights.shares.iter().map(|share| share * weights.scale as f32);
             factors.iter_mut().zip(own).for_each(|(factor, own)| *factor *= own);
         }
-        Factors { source, target, dual: normalization == Normalization::Both }
+        Factors { source, target, squares_weight: normalization == Normalization::Both }
     }
 }
 
 /// The heaviest connection of every point of `from`.
-fn heaviest<K: WeightKernel>(
-    from: &Side,
-    onto: &Side,
+fn heaviest_targets<K: WeightKernel>(
+    from: &ConnectionSide,
+    onto: &ConnectionSide,
     kernel: &K,
     scaling: Scaling<'_>,
 ) -> Vec<(f32, u32)> {
     let blocks = par::map_blocks(from.rows.len(), SOURCES, Vec::new, |tile, block| {
-        let mut reducer = Most { found: vec![(f32::NEG_INFINITY, 0); block.len()] };
+        let mut reducer = RowMaxima { found: vec![(f32::NEG_INFINITY, 0); block.len()] };
         weigh_block(&from.rows, block, &onto.panels, kernel, scaling, &mut reducer, tile);
         reducer.found
     });
@@ -140,7 +140,7 @@ fn heaviest<K: WeightKernel>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::side::Described;
+    use super::super::side::FeatureView;
     use super::*;
     use crate::cloud::Descriptors;
 
@@ -158,7 +158,7 @@ mod tests {
     fn sums_of_all_entries_are_the_sums_that_are_told() {
         let (points, tables) = sides();
         let side =
-            |k: usize| Described { points: &points[k], origin: [0.0; 3], descriptors: &tables[k] };
+            |k: usize| FeatureView { points: &points[k], origin: [0.0; 3], descriptors: &tables[k] };
         let weights: Vec<f32> = (0..90).map(|k| 0.5 + (k % 3) as f32).collect();
         let connection = FullConnection::new(side(0), side(1)).unwrap();
         let connection = connection.with_point_weights(Some(&weights), None).unwrap();

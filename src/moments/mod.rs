@@ -17,13 +17,13 @@ pub mod naive;
 mod pairs;
 mod reduce;
 mod side;
-mod skip;
+mod pruned;
 mod sums;
 mod tile;
 
 pub use connection::{FullConnection, check_tolerance};
 pub use entries::Entries;
 pub(crate) use pairs::check_indices;
-pub use pairs::{WeightedPair, of_pairs};
-pub use side::Described;
+pub use pairs::{WeightedPair, moments_of_pairs};
+pub use side::FeatureView;
 pub use sums::{Centered, Moments};

@@ -1,7 +1,7 @@
 //! The specification of [`super::FullConnection`]: the double loop, in f64, with the
 //! normalisations as they are defined. O(N·M) memory for those; the oracle of tests.
 
-use super::side::Described;
+use super::side::FeatureView;
 use super::sums::Moments;
 use crate::math::{self, Vec3};
 use crate::weight::Normalization;
@@ -12,13 +12,13 @@ use crate::weight::Normalization;
 /// # Panics
 /// When a side has fewer descriptors than points.
 pub fn moments(
-    source: Described<'_>,
-    target: Described<'_>,
+    source: FeatureView<'_>,
+    target: FeatureView<'_>,
     weight: impl Fn(f64) -> f64,
     normalization: Normalization,
 ) -> Moments {
     let ones = [source, target].map(|side| vec![1.0; side.points.len()]);
-    weighed_moments(source, target, weight, normalization, [&ones[0], &ones[1]])
+    point_weighted_moments(source, target, weight, normalization, [&ones[0], &ones[1]])
 }
 
 /// The same with weights of the source's and of the target's points, one each: the definition of
@@ -26,9 +26,9 @@ pub fn moments(
 ///
 /// # Panics
 /// When a side has fewer descriptors or weights than points.
-pub fn weighed_moments(
-    source: Described<'_>,
-    target: Described<'_>,
+pub fn point_weighted_moments(
+    source: FeatureView<'_>,
+    target: FeatureView<'_>,
     weight: impl Fn(f64) -> f64,
     normalization: Normalization,
     [a, b]: [&[f32]; 2],
@@ -49,7 +49,7 @@ pub fn weighed_moments(
     moments
 }
 
-fn squared_distance(source: &Described<'_>, target: &Described<'_>, i: usize, j: usize) -> f64 {
+fn squared_distance(source: &FeatureView<'_>, target: &FeatureView<'_>, i: usize, j: usize) -> f64 {
     let (a, b) = (source.descriptors.row(i), target.descriptors.row(j));
     a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)).sum()
 }
@@ -95,7 +95,7 @@ fn normalize(w: &mut [Vec<f64>], normalization: Normalization) {
 }
 
 /// The same sums about other origins, for comparing two ways of summing.
-pub fn about(moments: &Moments, source_origin: Vec3, target_origin: Vec3) -> Moments {
+pub fn shift_origins(moments: &Moments, source_origin: Vec3, target_origin: Vec3) -> Moments {
     let dp = math::sub(moments.source_origin, source_origin);
     let dq = math::sub(moments.target_origin, target_origin);
     let w = moments.weight;

@@ -33,7 +33,7 @@ const BLOCK: usize = 1024;
 /// assert_eq!(moments::of_pairs(&cloud, &cloud, &pairs)?.weight, 1.5);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub fn of_pairs(
+pub fn moments_of_pairs(
     source: &PointCloud,
     target: &PointCloud,
     pairs: &[WeightedPair],
@@ -103,7 +103,7 @@ mod tests {
                 weight: 1.0 / (1.0 + f64::from(i)),
             })
             .collect();
-        let found = of_pairs(&source, &target, &pairs).unwrap();
+        let found = moments_of_pairs(&source, &target, &pairs).unwrap();
         let mut want = Moments::about(found.source_origin, found.target_origin);
         for pair in &pairs {
             let p = math::sub(source.position(pair.source as usize), found.source_origin);
@@ -118,7 +118,7 @@ mod tests {
     fn odd_lists_are_refused() {
         let cloud = PointCloud::new(&[[0.0; 3], [1.0; 3]]).unwrap();
         let pair = |source, target, weight| WeightedPair { source, target, weight };
-        let of = |pairs: &[WeightedPair]| of_pairs(&cloud, &cloud, pairs);
+        let of = |pairs: &[WeightedPair]| moments_of_pairs(&cloud, &cloud, pairs);
         assert!(matches!(of(&[]), Err(Error::NoWeight { .. })));
         assert!(matches!(of(&[pair(0, 0, 0.0)]), Err(Error::NoWeight { .. })));
         assert!(matches!(of(&[pair(2, 0, 1.0)]), Err(Error::Shape { .. })));

@@ -13,7 +13,7 @@ const SUMS: usize = 6;
 /// Weights are multiplied by this before they are squared, and the sum of squares is
 /// divided by its square: f32 then holds the squares of weights from 1e-28 to 1e9, where
 /// plain squares of weights below 1e-19 would vanish.
-const LIFT: f32 = (1u32 << 30) as f32;
+const SQUARE_SCALE: f32 = (1u32 << 30) as f32;
 
 /// Target positions about their origin, one array a coordinate.
 #[derive(Default)]
@@ -79,12 +79,12 @@ impl Reducer for MomentSums<'_> {
                 sy[k] = w[k].mul_add(y[k], sy[k]);
                 sz[k] = w[k].mul_add(z[k], sz[k]);
                 sq[k] = w[k].mul_add(q[k], sq[k]);
-                let lifted = LIFT * w[k];
+                let lifted = SQUARE_SCALE * w[k];
                 sw[k] = lifted.mul_add(lifted, sw[k]);
             }
         }
         let mut sums = [s, sx, sy, sz, sq, sw].map(total);
-        sums[5] /= f64::from(LIFT).powi(2);
+        sums[5] /= f64::from(SQUARE_SCALE).powi(2);
         for at in whole..weights.len() {
             let w = f64::from(weights[at]);
             let factors = [x[at], y[at], z[at], squares[at], weights[at]];
@@ -121,11 +121,11 @@ impl Reducer for RowSums {
 }
 
 /// Least value of each row and the column it is in, the lowest among equals.
-pub(super) struct Least {
+pub(super) struct RowMinima {
     pub(super) found: Vec<(f32, u32)>,
 }
 
-impl Reducer for Least {
+impl Reducer for RowMinima {
     #[inline(always)]
     fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
         // The first least one of each lane, so that no step waits for the one before.
@@ -152,11 +152,11 @@ impl Reducer for Least {
 }
 
 /// Largest value of each row and the column it is in, the lowest among equals.
-pub(super) struct Most {
+pub(super) struct RowMaxima {
     pub(super) found: Vec<(f32, u32)>,
 }
 
-impl Reducer for Most {
+impl Reducer for RowMaxima {
     #[inline(always)]
     fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
         let found = &mut self.found[row];

@@ -1,13 +1,13 @@
 //! One side of a full connection: what is handed in, and how passes want it.
 
-use super::tile::{Panels, Rows};
+use super::tile::{Panels, DescriptorRows};
 use crate::cloud::{Descriptors, check_weights};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
 /// One side of the connection: where its points are, and what they look like.
 #[derive(Debug, Clone, Copy)]
-pub struct Described<'a> {
+pub struct FeatureView<'a> {
     /// Positions relative to `origin`, as in [`PointCloud`](crate::PointCloud).
     pub points: &'a [[f32; 3]],
     /// Added to `points` gives the cloud's own frame.
@@ -18,10 +18,10 @@ pub struct Described<'a> {
 
 /// A side, laid out both ways: as rows when it is cut into blocks, as panels when it is
 /// streamed.
-pub(super) struct Side {
+pub(super) struct ConnectionSide {
     pub(super) origin: Vec3,
     pub(super) points: Vec<[f32; 3]>,
-    pub(super) rows: Rows,
+    pub(super) rows: DescriptorRows,
     pub(super) panels: Panels,
     pub(super) weights: Option<PointWeights>,
 }
@@ -47,8 +47,8 @@ impl PointWeights {
     }
 }
 
-impl Side {
-    pub(super) fn new(described: &Described<'_>, mean: &[f64], name: &str) -> Result<Self> {
+impl ConnectionSide {
+    pub(super) fn new(described: &FeatureView<'_>, mean: &[f64], name: &str) -> Result<Self> {
         let n = described.points.len();
         if n == 0 {
             let what = format!("the {name} of a full connection");
@@ -65,8 +65,8 @@ impl Side {
         let sum = described.points.iter().fold([0.0; 3], |s, p| math::add(s, p.map(f64::from)));
         let centroid = math::scaled(sum, 1.0 / n as f64);
         let centred = |p: &[f32; 3]| math::sub(p.map(f64::from), centroid).map(|x| x as f32);
-        let rows = Rows::new(described.descriptors, mean)?;
-        Ok(Side {
+        let rows = DescriptorRows::new(described.descriptors, mean)?;
+        Ok(ConnectionSide {
             origin: math::add(described.origin, centroid),
             points: described.points.iter().map(centred).collect(),
             panels: rows.panels(),

@@ -86,7 +86,7 @@ impl Moments {
     }
 
     /// The same sums with every weight times `factor`.
-    pub(crate) fn times(&self, factor: f64) -> Moments {
+    pub(crate) fn scaled(&self, factor: f64) -> Moments {
         Moments {
             weight: factor * self.weight,
             weight_squared: factor * factor * self.weight_squared,

@@ -24,7 +24,7 @@ const TARGETS: usize = 512;
 const PRODUCT_FROM: usize = 8;
 
 /// Descriptors about a common mean, row after row: the side that is cut into blocks.
-pub(super) struct Rows {
+pub(super) struct DescriptorRows {
     dim: usize,
     values: Vec<f32>,
     norms: Vec<f32>,
@@ -49,7 +49,7 @@ pub(super) fn joint_mean(a: &Descriptors, b: &Descriptors) -> Vec<f64> {
     mean
 }
 
-impl Rows {
+impl DescriptorRows {
     /// # Errors
     /// [`Error::NonFinite`] for a row whose squared norm leaves the range of f32.
     pub(super) fn new(descriptors: &Descriptors, mean: &[f64]) -> Result<Self> {
@@ -64,7 +64,7 @@ impl Rows {
             Some(index) => {
                 Err(Error::NonFinite { what: "the squared norm of a descriptor".into(), index })
             }
-            None => Ok(Rows { dim, values, norms }),
+            None => Ok(DescriptorRows { dim, values, norms }),
         }
     }
 
@@ -81,11 +81,11 @@ impl Rows {
     }
 
     /// The rows named by `indices`, in that order.
-    pub(super) fn select(&self, indices: &[u32]) -> Rows {
+    pub(super) fn select(&self, indices: &[u32]) -> DescriptorRows {
         let mut values = Vec::with_capacity(indices.len() * self.dim);
         indices.iter().for_each(|&i| values.extend_from_slice(self.row(i as usize)));
         let norms = indices.iter().map(|&i| self.norms[i as usize]).collect();
-        Rows { dim: self.dim, values, norms }
+        DescriptorRows { dim: self.dim, values, norms }
     }
 
     /// Squared norm of each row about the mean of both sides.
@@ -134,7 +134,7 @@ pub(super) trait Reducer {
 /// Weighs the sources of `block` against every target, tile by tile, and hands each row
 /// of weights to `reducer`. `tile` is scratch.
 pub(super) fn weigh_block<K: WeightKernel, R: Reducer>(
-    rows: &Rows,
+    rows: &DescriptorRows,
     block: Range<usize>,
     panels: &Panels,
     kernel: &K,
@@ -166,7 +166,7 @@ pub(super) fn weigh_block<K: WeightKernel, R: Reducer>(
 }
 
 struct TilePass<'a, K> {
-    rows: &'a Rows,
+    rows: &'a DescriptorRows,
     block: Range<usize>,
     targets: &'a [f32],
     norms: &'a [f32],

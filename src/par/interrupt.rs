@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 pub struct Interrupt(Arc<AtomicBool>);
 
 /// What unwinds; it never leaves [`Interrupt::guard`].
-struct Stopped;
+struct InterruptUnwind;
 
 thread_local! {
     /// Under which interrupt this thread works.
@@ -55,7 +55,7 @@ impl Interrupt {
             let _entered = enter(&Some(self.clone()));
             work()
         });
-        catch_unwind(guarded).map_err(|panic| match panic.is::<Stopped>() {
+        catch_unwind(guarded).map_err(|panic| match panic.is::<InterruptUnwind>() {
             true => Error::Interrupted,
             false => resume_unwind(panic),
         })
@@ -68,16 +68,16 @@ impl Interrupt {
 }
 
 /// This thread works under an interrupt as long as this is there.
-pub(super) struct Entered {
+pub(super) struct InterruptScope {
     before: Option<Interrupt>,
 }
 
 /// Goes on in this thread with work of another, under the interrupt of that one.
-pub(super) fn enter(interrupt: &Option<Interrupt>) -> Entered {
-    Entered { before: CURRENT.replace(interrupt.clone()) }
+pub(super) fn enter(interrupt: &Option<Interrupt>) -> InterruptScope {
+    InterruptScope { before: CURRENT.replace(interrupt.clone()) }
 }
 
-impl Drop for Entered {
+impl Drop for InterruptScope {
     fn drop(&mut self) {
         CURRENT.set(self.before.take());
     }
@@ -86,13 +86,13 @@ impl Drop for Entered {
 /// Ends the work of this thread here if that was requested: for long stretches without a
 /// parallel loop.
 pub fn checkpoint() {
-    if requested() {
+    if is_interrupt_requested() {
         stop();
     }
 }
 
 /// Whether this thread has been asked to end its work: for places that cannot unwind.
-pub fn requested() -> bool {
+pub fn is_interrupt_requested() -> bool {
     CURRENT.with_borrow(|current| current.as_ref().is_some_and(Interrupt::is_requested))
 }
 
@@ -100,7 +100,7 @@ pub fn requested() -> bool {
 /// that fail. Without a guard it is a panic without a message.
 pub fn stop() -> ! {
     // Not a panic: no hook is called and nothing is printed.
-    resume_unwind(Box::new(Stopped))
+    resume_unwind(Box::new(InterruptUnwind))
 }
 
 #[cfg(test)]

@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::crew::in_crew;
+use super::worker_pool::in_worker;
 use super::interrupt::{Interrupt, checkpoint, enter};
 use crate::error::{Error, Result};
 
 /// Most threads that may be asked for.
-pub const MOST_THREADS: usize = 1024;
+pub const MAX_THREADS: usize = 1024;
 
 /// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
 /// machine has cores (or as the pool has in which the caller already is). Within a
@@ -26,7 +26,7 @@ pub const MOST_THREADS: usize = 1024;
 /// ```
 pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     check_threads(threads)?;
-    if threads == 0 || in_crew() {
+    if threads == 0 || in_worker() {
         return Ok(work());
     }
     let pool = rayon::ThreadPoolBuilder::new()
@@ -45,8 +45,8 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
 /// # Errors
 /// [`Error::Config`] for more than [`MOST_THREADS`].
 pub fn check_threads(threads: usize) -> Result<()> {
-    if threads > MOST_THREADS {
-        return Err(Error::config("threads", threads, format!("must be at most {MOST_THREADS}")));
+    if threads > MAX_THREADS {
+        return Err(Error::config("threads", threads, format!("must be at most {MAX_THREADS}")));
     }
     Ok(())
 }
@@ -100,7 +100,7 @@ pub fn map<S, T: Send>(
 ///
 /// # Errors
 /// That of the first that fails.
-pub fn both<A: Send, T: Send, E: Send>(
+pub fn join_pair<A: Send, T: Send, E: Send>(
     [a, b]: [A; 2],
     f: impl Fn(A) -> Result<T, E> + Sync,
 ) -> Result<[T; 2], E> {

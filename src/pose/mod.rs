@@ -13,7 +13,7 @@ mod walker;
 
 pub(crate) use horn_quaternion::product_form;
 pub use nearest::{MAX_ROTATION_ERROR, nearest_rotation};
-pub use prior::{Near, Prior};
+pub use prior::{RotationBound, Prior};
 
 use std::fmt;
 use std::str::FromStr;
@@ -130,8 +130,8 @@ pub fn solve_with(
             Solver::HornQuaternion => horn_quaternion::rotation(&covariance)?,
             Solver::HornMatrix => horn_matrix::rotation(&covariance),
             Solver::Walker => {
-                let (rotation, translation) = walker::motion(moments)?;
-                walkers = Some(translation).filter(|_| !prior.turns());
+                let (rotation, translation) = walker::solve_pose(moments)?;
+                walkers = Some(translation).filter(|_| !prior.constrains_rotation());
                 rotation
             }
         })

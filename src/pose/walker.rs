@@ -14,7 +14,7 @@ type Mat4 = [[f64; 4]; 4];
 /// C₁ = −2 Σw Q(q)ᵀ W(p), C₂ = Σw I, C₃ = 2 Σw (W(p) − Q(q)); r is the eigenvector of the
 /// largest eigenvalue of A = ½ (C₃ᵀ (C₂ + C₂ᵀ)⁻¹ C₃ − C₁ − C₁ᵀ), s = −(C₂ + C₂ᵀ)⁻¹ C₃ r,
 /// and t = W(r)ᵀ s.
-pub(super) fn motion(moments: &Moments) -> Result<(Mat3, Vec3)> {
+pub(super) fn solve_pose(moments: &Moments) -> Result<(Mat3, Vec3)> {
     // Means instead of sums, and lengths over the clouds' spread, so that no entry
     // depends on the unit: Σw = 1.
     let spread = ((moments.source_squares + moments.target_squares) / moments.weight).sqrt();
@@ -27,13 +27,13 @@ pub(super) fn motion(moments: &Moments) -> Result<(Mat3, Vec3)> {
     for a in 0..3 {
         for b in 0..3 {
             // Q and W are linear in their vectors, so the sum over pairs needs only Σw p qᵀ.
-            let product = mul(&transpose(&left(axis(b))), &right(axis(a)));
+            let product = mul(&transpose(&left_product_matrix(axis(b))), &right_product_matrix(axis(a)));
             add_scaled(&mut c1, &product, -2.0 * cross[a][b]);
         }
     }
     let mut c3 = [[0.0; 4]; 4];
-    add_scaled(&mut c3, &right(p), 2.0);
-    add_scaled(&mut c3, &left(q), -2.0);
+    add_scaled(&mut c3, &right_product_matrix(p), 2.0);
+    add_scaled(&mut c3, &left_product_matrix(q), -2.0);
 
     // C₂ + C₂ᵀ = 2 I.
     let mut a = [[0.0; 4]; 4];
@@ -45,7 +45,7 @@ pub(super) fn motion(moments: &Moments) -> Result<(Mat3, Vec3)> {
     let s = apply(&c3, r).map(|x| -0.5 * x);
     let [x, y, z, w] = r;
     let rotation = quaternion_matrix([w, x, y, z]);
-    let [tx, ty, tz, _] = apply(&transpose(&right_of(r)), s);
+    let [tx, ty, tz, _] = apply(&transpose(&right_quaternion_matrix(r)), s);
     // From the sums' origins back into the clouds' frames.
     let about_origins = math::scaled([tx, ty, tz], spread);
     let turned = math::mat_vec(&rotation, moments.source_origin);
@@ -59,17 +59,17 @@ fn axis(k: usize) -> Vec3 {
 }
 
 /// Q of the quaternion (v, 0): [K(v), v; −vᵀ, 0].
-fn left([x, y, z]: Vec3) -> Mat4 {
+fn left_product_matrix([x, y, z]: Vec3) -> Mat4 {
     [[0.0, -z, y, x], [z, 0.0, -x, y], [-y, x, 0.0, z], [-x, -y, -z, 0.0]]
 }
 
 /// W of the quaternion (v, 0).
-fn right([x, y, z]: Vec3) -> Mat4 {
-    right_of([x, y, z, 0.0])
+fn right_product_matrix([x, y, z]: Vec3) -> Mat4 {
+    right_quaternion_matrix([x, y, z, 0.0])
 }
 
 /// W of a quaternion (v, s): [s I − K(v), v; −vᵀ, s].
-fn right_of([x, y, z, s]: [f64; 4]) -> Mat4 {
+fn right_quaternion_matrix([x, y, z, s]: [f64; 4]) -> Mat4 {
     [[s, z, -y, x], [-z, s, x, y], [y, -x, s, z], [-x, -y, -z, s]]
 }
 

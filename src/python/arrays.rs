@@ -183,7 +183,7 @@ pub(super) fn descriptors(
         }
         _ => {
             let (source, target) = (source.values(py)?, target.values(py)?);
-            detached(py, || Descriptors::both(from, &source, &target))?
+            detached(py, || Descriptors::from_f64_pair(from, &source, &target))?
         }
     };
     both.map_err(exception)

@@ -17,11 +17,11 @@ use super::errors::{exception, real, refused};
 use super::foreign::BadRows;
 use super::registration::{Named, Options, chain_of};
 use crate::batch::{
-    self, Batch, Column, Graph, List, Row, Start, Summary, Tangent, Thinning, panics_go_to_rows,
+    self, Batch, Column, Graph, List, Row, Start, Summary, Tangent, Downsampling, panics_go_to_rows,
 };
-use crate::cloud::Viewpoints;
+use crate::cloud::ViewpointSource;
 use crate::error::Error;
-use crate::method::Chain;
+use crate::method::Pipeline;
 use crate::par::Interrupt;
 
 /// How a list is run, as the package gives it in JSON.
@@ -31,7 +31,7 @@ struct Settings {
     memory: usize,
     time_limit: Option<f64>,
     times: bool,
-    viewpoints: Viewpoints,
+    viewpoints: ViewpointSource,
     voxel: Option<f64>,
     sample: Option<usize>,
     seed: u64,
@@ -52,7 +52,7 @@ impl Settings {
         batch.times = self.times;
         batch.viewpoints = self.viewpoints;
         batch.keep_no_returns = self.options.keep_no_returns();
-        batch.thinning = Thinning { voxel: self.voxel, sample: self.sample, seed: self.seed };
+        batch.thinning = Downsampling { voxel: self.voxel, sample: self.sample, seed: self.seed };
         batch.start = match (self.resume, self.overwrite) {
             (true, true) => {
                 let rule = "contradicts overwrite: choose one of them";
@@ -99,7 +99,7 @@ pub(super) fn register_batch(
 ) -> PyResult<Py<PyAny>> {
     let settings = Settings::read(settings)?;
     let (first, refinements) = chain_of(&method, &refinements)?;
-    let chain = Chain::new(first, refinements).map_err(exception)?;
+    let chain = Pipeline::new(first, refinements).map_err(exception)?;
     let chain = settings.options.put(chain, true)?;
     let mut batch = Batch::new(&chain, &chain);
     settings.put(&mut batch).map_err(exception)?;

@@ -59,7 +59,7 @@ pub(super) fn released_on<T: Send>(
             loop {
                 match receive.recv_timeout(PATIENCE) {
                     Ok(answer) => return answer.flatten().flatten().map_err(exception),
-                    Err(RecvTimeoutError::Timeout) if par::requested() || ending() => {
+                    Err(RecvTimeoutError::Timeout) if par::is_interrupt_requested() || ending() => {
                         interrupt.request();
                         return Err(exception(Error::Interrupted));
                     }

@@ -14,7 +14,7 @@ use crate::cloud::PointCloud;
 use crate::descriptor::{self, BINS};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
-use crate::method::Describe;
+use crate::method::FeatureConfig;
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
@@ -126,7 +126,7 @@ pub(super) fn keypoints<'py>(
     let found = released(py, || match &values {
         Some(values) => detector.detect(cloud.points(), values),
         None => {
-            let (_, normals) = neighborhoods(cloud, &Describe::default())?;
+            let (_, normals) = neighborhoods(cloud, &FeatureConfig::default())?;
             detector.detect(cloud.points(), &normals.curvature)
         }
     })?;
@@ -194,10 +194,10 @@ pub(super) fn fpfh<'py>(
 }
 
 /// The crate's defaults with what was given.
-fn describe(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<Describe> {
-    let mut describe = Describe {
+fn describe(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<FeatureConfig> {
+    let mut describe = FeatureConfig {
         neighborhood: Neighborhood::Nearest(count("neighbors", neighbors)?),
-        ..Describe::default()
+        ..FeatureConfig::default()
     };
     if let Some(at) = viewpoint {
         describe.orientation = Orientation::Towards(place(at, "viewpoint")?);
@@ -205,7 +205,7 @@ fn describe(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<De
     Ok(describe)
 }
 
-fn neighborhoods(cloud: &PointCloud, describe: &Describe) -> Result<(Neighbors, Normals)> {
+fn neighborhoods(cloud: &PointCloud, describe: &FeatureConfig) -> Result<(Neighbors, Normals)> {
     let neighbors = Neighbors::find(cloud.points(), describe.neighborhood)?;
     let normals = normals::estimate(cloud, &neighbors, describe.orientation)?;
     Ok((neighbors, normals))

@@ -21,7 +21,7 @@ use crate::cloud::{Descriptors, PointCloud};
 use crate::error::Error;
 use crate::math::Vec3;
 use crate::method::Cf;
-use crate::moments::{Described, FullConnection, Moments as Sums, WeightedPair, of_pairs};
+use crate::moments::{FeatureView, FullConnection, Moments as Sums, WeightedPair, moments_of_pairs};
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
 use crate::weight::{Bandwidth, Composite, Normalization};
@@ -236,7 +236,7 @@ pub(super) fn moments(
             par::with_threads(threads, || {
                 let connection = connection()?;
                 let beta = connection.bandwidth(beta)?;
-                connection.scheme_moments_within(*scheme, beta, normalize, tolerance)
+                connection.pruned_moments(*scheme, beta, normalize, tolerance)
             })?
         }),
         Weights::Own(own) => own.blamed(released_on(py, own.pool(), || {
@@ -246,8 +246,8 @@ pub(super) fn moments(
     sums.map(Moments)
 }
 
-fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a> {
-    Described { points: cloud.points(), origin: cloud.origin(), descriptors }
+fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
+    FeatureView { points: cloud.points(), origin: cloud.origin(), descriptors }
 }
 
 /// A bandwidth: a number, or how to find it.
@@ -306,7 +306,7 @@ pub(super) fn moments_of_pairs(
         let pairs: Vec<WeightedPair> = pairs.iter().enumerate().map(weighed).collect();
         match pairs.iter().find(|pair| pair.weight < 0.0) {
             Some(bad) => Err(Error::config("weights", bad.weight, "must not be negative")),
-            None => of_pairs(source, target, &pairs),
+            None => moments_of_pairs(source, target, &pairs),
         }
     });
     sums.map(Moments)

@@ -18,7 +18,7 @@ use super::panics::caught;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::method::{Chain, Method, Register, Registration};
+use crate::method::{Pipeline, Method, Register, Registration};
 use crate::pose::nearest_rotation;
 use crate::quality;
 use crate::weight::Normalization;
@@ -46,12 +46,12 @@ impl Options {
     }
 
     /// The chain with them; `bulk`: it registers many pairs.
-    pub(super) fn put(&self, mut chain: Chain, bulk: bool) -> PyResult<Chain> {
+    pub(super) fn put(&self, mut chain: Pipeline, bulk: bool) -> PyResult<Pipeline> {
         if self.keep_no_returns {
-            chain = chain.keeping_no_returns();
+            chain = chain.keep_no_returns();
         }
         let verified = match self.verdict.as_str() {
-            "auto" => !bulk || chain.outweighs_verdict(),
+            "auto" => !bulk || chain.is_slower_than_verdict(),
             "on" => true,
             "off" => false,
             other => {
@@ -59,8 +59,8 @@ impl Options {
                 return Err(exception(error));
             }
         };
-        let judge = chain.first().judge();
-        Ok(if verified { chain.with_verdict(judge) } else { chain })
+        let judge = chain.first().verifier();
+        Ok(if verified { chain.with_verification(judge) } else { chain })
     }
 
     pub(super) fn keep_no_returns(&self) -> bool {
@@ -85,7 +85,7 @@ pub(super) fn register(
     matches: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let (first, refinements) = chain_of(&method, &refinements)?;
-    let chain = Chain::new(first, refinements).map_err(exception)?;
+    let chain = Pipeline::new(first, refinements).map_err(exception)?;
     let mut chain = Options::read(options)?.put(chain, false)?;
     if let Some(initial) = initial {
         chain = chain.with_initial(pose(initial, "initial")?).map_err(exception)?;
@@ -106,7 +106,7 @@ pub(super) fn register(
     let (source, target) = (source.get(), target.get());
     let pool = given.weights.as_ref().map_or(Pool::Shared, |(own, _)| own.pool());
     let found = released_on(py, pool, || match begin(chain.first(), &given, source, target)? {
-        Some(begun) => chain.go_on(begun, source, target),
+        Some(begun) => chain.refine_from(begun, source, target),
         None => chain.register(source, target),
     });
     let found = match &given.weights {
@@ -125,13 +125,13 @@ fn begin(
 ) -> Result<Option<Registration>> {
     let found = match (method, given) {
         (Method::Cf(cf), Given { weights: Some((own, normalization)), .. }) => {
-            cf.register_by(source, target, |connection| own.moments(connection, *normalization))
+            cf.register_with(source, target, |connection| own.moments(connection, *normalization))
         }
         (Method::Cfk(cfk), Given { weights: Some((own, normalization)), .. }) => {
-            cfk.register_by(source, target, |connection| own.moments(connection, *normalization))
+            cfk.register_with(source, target, |connection| own.moments(connection, *normalization))
         }
         (Method::Teaser(teaser), Given { matches: Some(matches), .. }) => {
-            teaser.register_matches(source, target, matches)
+            teaser.register_correspondences(source, target, matches)
         }
         _ => return Ok(None),
     };

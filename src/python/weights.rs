@@ -74,7 +74,7 @@ impl OwnWeights {
     ) -> Result<Moments> {
         match self {
             OwnWeights::Composite(composite) => {
-                let kernel = composite.resolved(|beta| connection.bandwidth(beta))?;
+                let kernel = composite.resolve(|beta| connection.bandwidth(beta))?;
                 connection.moments(&kernel, normalization)
             }
             OwnWeights::Function(function) => connection.moments(function, normalization),
@@ -169,7 +169,7 @@ pub(super) fn kernel_weights<'py>(
     kernel: &str,
     squared_distances: &Bound<'py, PyArray1<f32>>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-    let kernel = composite(kernel, "kernel")?.resolved(Ok).map_err(exception)?;
+    let kernel = composite(kernel, "kernel")?.resolve(Ok).map_err(exception)?;
     let mut d2 = squared_distances.to_vec()?;
     detached(py, || kernel.fill(&mut d2))?;
     Ok(PyArray1::from_vec(py, d2))
@@ -184,7 +184,7 @@ pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
     };
     let kernel = composite(kernel, "kernel")?;
-    caught(|| kernel.resolved(any).map(|_| ()))?.map_err(exception)
+    caught(|| kernel.resolve(any).map(|_| ()))?.map_err(exception)
 }
 
 /// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call

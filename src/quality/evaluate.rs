@@ -6,7 +6,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
-use crate::search::{self, Closest};
+use crate::search::{self, NearestDistances};
 
 /// Default inlier distance, in resolutions of the coarser cloud.
 pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
@@ -60,7 +60,7 @@ impl Serialize for Evaluation {
 /// # Errors
 /// Those of [`search::resolution`].
 pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
-    let [source, target] = par::both([source, target], |cloud| search::resolution(cloud.points()))?;
+    let [source, target] = par::join_pair([source, target], |cloud| search::resolution(cloud.points()))?;
     Ok(default_distance_from_resolutions(source, target, scale))
 }
 
@@ -96,10 +96,10 @@ pub fn evaluate(
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let limit = (max_distance * max_distance) as f32;
-    let [source_points, target_points] = par::both([&moved[..], target.points()], Closest::new)?;
+    let [source_points, target_points] = par::join_pair([&moved[..], target.points()], NearestDistances::new)?;
     let moved: Vec<[f32; 3]> = source_points.points().collect();
-    let there = target_points.within(&moved, limit);
-    let back = source_points.within(&target_points.points().collect::<Vec<_>>(), limit);
+    let there = target_points.squared_distances(&moved, limit);
+    let back = source_points.squared_distances(&target_points.points().collect::<Vec<_>>(), limit);
     let inliers = |distances: &[f32]| distances.iter().filter(|&&d| d <= limit).count();
     let count = inliers(&there);
     let sum: f64 = there.iter().filter(|&&d| d <= limit).map(|&d| f64::from(d)).sum();
@@ -116,7 +116,7 @@ pub fn evaluate(
 const MAX_CHANCE_POINTS: usize = 1000;
 
 /// Mean fitness of `moved` after quarter turns about its centroid.
-fn chance_fitness(moved: &[[f32; 3]], target: &Closest, limit: f32) -> f64 {
+fn chance_fitness(moved: &[[f32; 3]], target: &NearestDistances, limit: f32) -> f64 {
     let step = moved.len().div_ceil(MAX_CHANCE_POINTS);
     let points: Vec<Vec3> = moved.iter().step_by(step).map(|p| p.map(f64::from)).collect();
     let n = points.len() as f64;
@@ -131,7 +131,7 @@ fn chance_fitness(moved: &[[f32; 3]], target: &Closest, limit: f32) -> f64 {
             .iter()
             .map(|&p| math::add(turn.rotate(math::sub(p, center)), center).map(|x| x as f32))
             .collect();
-        inliers += target.within(&turned, limit).iter().filter(|&&d| d <= limit).count();
+        inliers += target.squared_distances(&turned, limit).iter().filter(|&&d| d <= limit).count();
     }
     inliers as f64 / (9.0 * n)
 }

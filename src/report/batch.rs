@@ -6,7 +6,7 @@ use super::Pair;
 use super::facts::{Facts, Judged, Spread, Told};
 use super::listing::{self, Cell, Line, Listing};
 use crate::batch::{Row, symmetric};
-use crate::cloud::{PointCloud, Transform, Viewpoints};
+use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::io;
 
@@ -20,7 +20,7 @@ pub struct Bulk<'a> {
     /// How many of the rows, the worst first, have a page of their own.
     pub pages: usize,
     /// Where the sensors stood.
-    pub viewpoints: Viewpoints,
+    pub viewpoints: ViewpointSource,
 }
 
 impl Bulk<'_> {

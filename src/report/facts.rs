@@ -6,9 +6,9 @@ use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
-use crate::cloud::{Transform, Viewpoints};
+use crate::cloud::{Transform, ViewpointSource};
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::math::Vec3;
 use crate::method::Method;
 
@@ -37,7 +37,7 @@ pub(super) struct Facts {
     pub(super) target: Option<String>,
     #[serde(default)]
     pub(super) thinning: Given,
-    pub(super) viewpoints: Option<Viewpoints>,
+    pub(super) viewpoints: Option<ViewpointSource>,
     pub(super) command: Option<String>,
 }
 
@@ -182,10 +182,10 @@ impl Facts {
 
     /// How the clouds were thinned before they were registered: a voxel that the method was given
     /// for itself is not meant.
-    pub(super) fn thinning(&self) -> Thinning {
+    pub(super) fn thinning(&self) -> Downsampling {
         let Given { voxel, sample, seed } = self.thinning;
         let own = self.first().method == "consensus";
-        Thinning { voxel: voxel.filter(|_| !own), sample, seed }
+        Downsampling { voxel: voxel.filter(|_| !own), sample, seed }
     }
 }
 

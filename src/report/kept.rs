@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::Pair;
 use super::facts::Facts;
-use crate::cloud::{PointCloud, Viewpoints};
+use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::{Error, Result};
-use crate::filter::Thinning;
+use crate::filter::Downsampling;
 use crate::io;
 
 /// What `cfreg register --json` printed, read again.
@@ -22,7 +22,7 @@ impl Kept {
     /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
     pub fn read(path: &Path) -> Result<Kept> {
         let text =
-            io::guard::text(path, io::guard::DOCUMENT, "what `cfreg register --json` prints")?;
+            io::limited_file::read_text(path, io::limited_file::MAX_DOCUMENT_BYTES, "what `cfreg register --json` prints")?;
         Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 
@@ -38,7 +38,7 @@ impl Kept {
     }
 
     /// How they were thinned before they were registered.
-    pub fn thinning(&self) -> Thinning {
+    pub fn thinning(&self) -> Downsampling {
         self.facts.thinning()
     }
 
@@ -49,7 +49,7 @@ impl Kept {
     }
 
     /// Where their sensors stood.
-    pub fn viewpoints(&self) -> Viewpoints {
+    pub fn viewpoints(&self) -> ViewpointSource {
         self.facts.viewpoints.unwrap_or_default()
     }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::words;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
-use crate::method::{Connections, Link, Matrix};
+use crate::method::{WeightGraph, WeightedLink, WeightBlock};
 
 /// Connections and W. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
@@ -53,14 +53,14 @@ const CLIPPED: f64 = 0.002;
 impl Weights {
     /// `middles` are what places are told relative to; `near` the largest distance that counts.
     pub(super) fn of(
-        connections: &Connections,
+        connections: &WeightGraph,
         pose: &Transform,
         middles: [Vec3; 2],
         near: f64,
     ) -> Weights {
-        let near = connections.reach.unwrap_or(TOGETHER * near);
-        let Connections { points, links, .. } = connections;
-        let ends = |link: &Link| [points[0][link.source as usize], points[1][link.target as usize]];
+        let near = connections.inlier_distance.unwrap_or(TOGETHER * near);
+        let WeightGraph { points, links, .. } = connections;
+        let ends = |link: &WeightedLink| [points[0][link.source as usize], points[1][link.target as usize]];
         let drawn = some(links, connections.full);
         let agrees: Vec<u8> = drawn
             .iter()
@@ -81,19 +81,19 @@ impl Weights {
             from: side(0),
             onto: side(1),
             agree: STANDARD.encode(&agrees),
-            matrix: Square::of(&connections.matrix, &points[0], near),
+            matrix: Square::of(&connections.block, &points[0], near),
         }
     }
 }
 
 /// The heaviest; of matches, which weigh what the pose makes of them, an even choice.
-fn some(links: &[Link], full: bool) -> Vec<Link> {
+fn some(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
     let step = if full { 1 } else { links.len().div_ceil(LINES).max(1) };
     links.iter().step_by(step).take(LINES).copied().collect()
 }
 
 impl Square {
-    fn of(matrix: &Matrix, source: &[Vec3], near: f64) -> Square {
+    fn of(matrix: &WeightBlock, source: &[Vec3], near: f64) -> Square {
         let n = matrix.rows.len();
         let place = |k: usize| source[matrix.rows[k] as usize];
         let extent = |axis: usize| {
@@ -102,14 +102,14 @@ impl Square {
             ends.1 - ends.0
         };
         let longest = (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
-        let alone = |k: usize| matrix.apart[k] > near;
+        let alone = |k: usize| matrix.distances[k] > near;
         let ordered = |key: &dyn Fn(usize) -> f64| {
             let mut order: Vec<usize> = (0..n).collect();
             order.sort_by(|&a, &b| alone(a).cmp(&alone(b)).then(key(a).total_cmp(&key(b))));
             order
         };
         let by_place = ordered(&|k| place(k)[longest]);
-        let by_looks = ordered(&|k| matrix.looks[k]);
+        let by_looks = ordered(&|k| matrix.principal_feature[k]);
         let mut rank = vec![0u16; n];
         by_place.iter().zip(0..).for_each(|(&k, at)| rank[k] = at);
         let weight = |a: usize, b: usize| f64::from(matrix.weights[by_place[a] * n + by_place[b]]);
@@ -144,11 +144,11 @@ mod tests {
     #[test]
     fn a_square_is_ordered_by_place_and_by_looks() {
         let source: Vec<Vec3> = [3.0, 1.0, 2.0].map(|x| [x, 0.0, 0.0]).into();
-        let matrix = Matrix {
+        let matrix = WeightBlock {
             rows: vec![0, 1, 2],
             columns: vec![0, 1, 2],
-            apart: vec![0.0, 0.0, 9.0],
-            looks: vec![0.1, 0.2, 0.0],
+            distances: vec![0.0, 0.0, 9.0],
+            principal_feature: vec![0.1, 0.2, 0.0],
             weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
         };
         let square = Square::of(&matrix, &source, 1.0);

@@ -230,7 +230,7 @@ impl<'a> Pair<'a> {
                 return Err(crate::Error::TooFewPoints { what, found, needed });
             }
         }
-        crate::par::both([self.source, self.target], |cloud| Shown::of(cloud, self.points.max(1)))
+        crate::par::join_pair([self.source, self.target], |cloud| Shown::of(cloud, self.points.max(1)))
     }
 
     /// The largest distance that counts.
@@ -258,7 +258,7 @@ impl<'a> Pair<'a> {
         let Some(method) = self.facts.method() else {
             return told("The result does not say with which settings it was made.");
         };
-        let connections = match method.connections(self.source, self.target, pose) {
+        let connections = match method.weight_graph(self.source, self.target, pose) {
             Ok(Some(connections)) => connections,
             Ok(None) if matches!(method, Method::Cf(_) | Method::Cfk(_)) => {
                 return told("The weights were a function that is not here any more.");
@@ -273,7 +273,7 @@ impl<'a> Pair<'a> {
         };
         let both = [&mut *source, &mut *target];
         for (k, shown) in both.into_iter().enumerate() {
-            let received = &connections.received[k];
+            let received = &connections.weight_sums[k];
             let mut sorted = received.clone();
             sorted.sort_by(f64::total_cmp);
             let Some(&most) = sorted.get(sorted.len() * 99 / 100).filter(|&&most| most > 0.0)

@@ -16,7 +16,7 @@ pub(super) struct Leaves {
 }
 
 struct Node {
-    extent: Extent,
+    extent: BoundingBox,
     /// Which leaves are below it.
     leaves: Range<u32>,
     /// Where its second child is; 0 for a leaf.
@@ -25,15 +25,15 @@ struct Node {
 
 /// A box.
 #[derive(Clone, Copy)]
-pub(super) struct Extent {
+pub(super) struct BoundingBox {
     low: [f32; 3],
     high: [f32; 3],
 }
 
-impl Extent {
+impl BoundingBox {
     /// Of any points.
-    pub(super) fn of(points: impl Iterator<Item = [f32; 3]>) -> Self {
-        let mut extent = Extent { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+    pub(super) fn from_points(points: impl Iterator<Item = [f32; 3]>) -> Self {
+        let mut extent = BoundingBox { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
         for point in points {
             for a in 0..3 {
                 extent.low[a] = extent.low[a].min(point[a]);
@@ -45,7 +45,7 @@ impl Extent {
 
     /// No point of the two boxes is nearer, also in the arithmetic of
     /// [`squared_distance`]: every step of it is the same, and none decreases by rounding.
-    fn squared_gap(&self, other: &Extent) -> f32 {
+    fn squared_gap(&self, other: &BoundingBox) -> f32 {
         let gap = |a: usize| {
             let (below, above) = (other.low[a] - self.high[a], self.low[a] - other.high[a]);
             below.max(above).max(0.0)
@@ -73,7 +73,7 @@ impl Leaves {
         let mut places: Vec<([f32; 3], u32)> =
             points.iter().enumerate().map(|(i, &point)| (point, i as u32)).collect();
         let mut nodes = Vec::with_capacity(2 * points.len().div_ceil(LEAF));
-        cut(&mut places, 0, &mut nodes);
+        build_nodes(&mut places, 0, &mut nodes);
         Leaves {
             order: places.iter().map(|place| place.1).collect(),
             axes: [0, 1, 2].map(|a| places.iter().map(|place| place.0[a]).collect()),
@@ -98,7 +98,7 @@ impl Leaves {
 
     /// The box of a leaf, and that of the smallest node around it with `count` points, or of
     /// all.
-    pub(super) fn around(&self, leaf: usize, count: usize) -> (Extent, Extent) {
+    pub(super) fn enclosing_boxes(&self, leaf: usize, count: usize) -> (BoundingBox, BoundingBox) {
         let (mut at, mut around) = (0, 0);
         while self.nodes[at].second != 0 {
             let second = self.nodes[at].second as usize;
@@ -116,9 +116,9 @@ impl Leaves {
     ///
     /// Of leaves that fill but one place, and the place of the box, no more are listed than
     /// hold `enough` points: the first ones, whose indices are the lowest.
-    pub(super) fn near(
+    pub(super) fn leaves_within(
         &self,
-        extent: &Extent,
+        extent: &BoundingBox,
         squared_distance: f32,
         enough: usize,
         listed: &mut Vec<u32>,
@@ -138,7 +138,7 @@ impl Leaves {
                 stack.extend([node.second, at + 1]);
                 continue;
             }
-            let is_place = |extent: &Extent| extent.low == extent.high;
+            let is_place = |extent: &BoundingBox| extent.low == extent.high;
             if is_place(extent) && is_place(&node.extent) && extent.low == node.extent.low {
                 heaped += LEAF;
                 if heaped >= enough + 2 * LEAF {
@@ -152,8 +152,8 @@ impl Leaves {
 
 /// Halves `places`, from the leaf `first` on, across their longest side until leaves are left;
 /// equal coordinates follow their index.
-fn cut(places: &mut [([f32; 3], u32)], first: u32, nodes: &mut Vec<Node>) {
-    let extent = Extent::of(places.iter().map(|place| place.0));
+fn build_nodes(places: &mut [([f32; 3], u32)], first: u32, nodes: &mut Vec<Node>) {
+    let extent = BoundingBox::from_points(places.iter().map(|place| place.0));
     let count = places.len().div_ceil(LEAF);
     let at = nodes.len();
     nodes.push(Node { extent, leaves: first..first + count as u32, second: 0 });
@@ -166,9 +166,9 @@ fn cut(places: &mut [([f32; 3], u32)], first: u32, nodes: &mut Vec<Node>) {
     places
         .select_nth_unstable_by(half, |(p, i), (q, j)| p[axis].total_cmp(&q[axis]).then(i.cmp(j)));
     let (near, far) = places.split_at_mut(half);
-    cut(near, first, nodes);
+    build_nodes(near, first, nodes);
     nodes[at].second = nodes.len() as u32;
-    cut(far, first + (count / 2) as u32, nodes);
+    build_nodes(far, first + (count / 2) as u32, nodes);
 }
 
 #[cfg(test)]
@@ -185,9 +185,9 @@ mod tests {
         assert!(seen.iter().enumerate().all(|(at, &i)| at == i as usize));
         let (mut listed, mut stack) = (Vec::new(), Vec::new());
         for leaf in 0..1000usize.div_ceil(LEAF) {
-            let (extent, around) = leaves.around(leaf, 100);
+            let (extent, around) = leaves.enclosing_boxes(leaf, 100);
             assert!(around.squared_diagonal() >= extent.squared_diagonal());
-            leaves.near(&extent, 4.0, 1000, &mut listed, &mut stack);
+            leaves.leaves_within(&extent, 4.0, 1000, &mut listed, &mut stack);
             assert!(listed.is_sorted());
             for place in leaves.places(leaf) {
                 let of = leaves.point(place);

@@ -5,11 +5,11 @@
 //! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
 //! [`Closest`] tells distances alone, [`Vicinity`] what is too far to ask about.
 
-mod closest;
+mod nearest_distances;
 mod leaves;
 mod nearest;
 mod tree;
-mod vicinity;
+mod occupancy_grid;
 
 use std::fmt;
 
@@ -21,9 +21,9 @@ use leaves::Leaves;
 
 pub(crate) use leaves::squared_distance;
 
-pub use closest::Closest;
+pub use nearest_distances::NearestDistances;
 pub use tree::SearchTree;
-pub use vicinity::Vicinity;
+pub use occupancy_grid::OccupancyGrid;
 
 /// Which points around a point belong to its neighbourhood. The point itself is one of
 /// them, as in PCL and Open3D.
@@ -109,7 +109,7 @@ impl Neighbors {
         if let Neighborhood::Nearest(k) = neighborhood {
             tree::check(points)?;
             let (leaves, k) = (Leaves::new(points), k.min(n));
-            let all = nearest::all(&leaves, k);
+            let all = nearest::k_nearest_of_all(&leaves, k);
             let mut rows = vec![0; n];
             leaves.order.iter().zip(0..).for_each(|(&i, row)| rows[i as usize] = row);
             let starts = (0..=n).map(|row| row * k).collect();
@@ -117,10 +117,10 @@ impl Neighbors {
         }
         let tree = SearchTree::new(points)?;
         if let Neighborhood::Radius(radius) = neighborhood {
-            refuse_crowds(&tree, points, radius)?;
+            check_neighbor_memory(&tree, points, radius)?;
         }
         let around = |_: &mut (), i: usize| {
-            let found = tree.around(&points[i], neighborhood);
+            let found = tree.neighborhood(&points[i], neighborhood);
             let mut row: Vec<u32> = found.iter().map(|neighbor| neighbor.index).collect();
             row.sort_unstable();
             row
@@ -150,7 +150,7 @@ impl Neighbors {
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
-    pub fn of(&self, i: usize) -> &[u32] {
+    pub fn indices(&self, i: usize) -> &[u32] {
         let row = self.row(i);
         &self.all[self.starts[row]..self.starts[row + 1]]
     }
@@ -171,15 +171,15 @@ impl Neighbors {
 }
 
 /// Most neighbours that are held for a cloud by radius: 2 GB of them.
-const MOST_NEIGHBORS: usize = 500_000_000;
+const MAX_NEIGHBORS: usize = 500_000_000;
 
 /// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
-pub(crate) fn refuse_crowds(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
+pub(crate) fn check_neighbor_memory(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
     let step = points.len().div_ceil(100);
     let judged: Vec<usize> =
         points.iter().step_by(step).map(|point| tree.within(point, radius).len()).collect();
     let mean = judged.iter().sum::<usize>() / judged.len();
-    if mean.saturating_mul(points.len()) <= MOST_NEIGHBORS {
+    if mean.saturating_mul(points.len()) <= MAX_NEIGHBORS {
         return Ok(());
     }
     let rule = format!(
@@ -204,7 +204,7 @@ pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
     if places.len() < 2 {
         return Ok(0.0);
     }
-    let mut distances = Closest::new(&places)?.apart();
+    let mut distances = NearestDistances::new(&places)?.squared_distances_to_others();
     let middle = distances.len() / 2;
     let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
     Ok(f64::from(*median).sqrt())
@@ -215,11 +215,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    use super::tree::ordered;
+    use super::tree::sort_by_distance;
 
     fn brute(points: &[[f32; 3]], query: &[f32; 3]) -> Vec<Neighbor> {
         let distance = |p: &[f32; 3]| (0..3).map(|a| (p[a] - query[a]) * (p[a] - query[a])).sum();
-        ordered(points.iter().enumerate().map(|(i, p)| (i as u32, distance(p))))
+        sort_by_distance(points.iter().enumerate().map(|(i, p)| (i as u32, distance(p))))
     }
 
     proptest! {
@@ -243,13 +243,13 @@ mod tests {
             // All at once, and to the bit: of equal distances the lowest indices.
             let all = Neighbors::find(&points, Neighborhood::Nearest(k)).unwrap();
             for (i, point) in points.iter().enumerate() {
-                let found = ordered(all.of(i).iter().map(|&j| (j, squared_distance(*point, points[j as usize]))));
+                let found = sort_by_distance(all.indices(i).iter().map(|&j| (j, squared_distance(*point, points[j as usize]))));
                 prop_assert_eq!(&found, &brute(&points, point)[..k.min(points.len())]);
             }
             let least = want[0].squared_distance;
-            let closest = Closest::new(&points).unwrap();
-            prop_assert_eq!(closest.within(&[query], least), [least]);
-            prop_assert_eq!(closest.within(&[query], 0.99 * least), [f32::INFINITY]);
+            let closest = NearestDistances::new(&points).unwrap();
+            prop_assert_eq!(closest.squared_distances(&[query], least), [least]);
+            prop_assert_eq!(closest.squared_distances(&[query], 0.99 * least), [f32::INFINITY]);
             prop_assert!((tree.nearest(&query).squared_distance - want[0].squared_distance).abs() < 1e-4);
             let mut inside: Vec<u32> = tree.within(&query, radius).iter().map(|n| n.index).collect();
             let mut expected: Vec<u32> = want
@@ -270,9 +270,9 @@ mod tests {
         let same = vec![[1.0, 2.0, 3.0]; 500];
         for points in [line, same] {
             let neighbors = Neighbors::find(&points, Neighborhood::Nearest(40)).unwrap();
-            assert!((0..500).all(|i| neighbors.of(i).len() == 40));
+            assert!((0..500).all(|i| neighbors.indices(i).len() == 40));
             // The point itself, or another one in its place.
-            assert!(neighbors.of(7).iter().any(|&j| points[j as usize] == points[7]));
+            assert!(neighbors.indices(7).iter().any(|&j| points[j as usize] == points[7]));
         }
     }
 
@@ -281,7 +281,7 @@ mod tests {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [9.0, 0.0, 0.0]];
         let count = |neighborhood| {
             let neighbors = Neighbors::find(&points, neighborhood).unwrap();
-            (0..4).map(|i| neighbors.of(i).len()).collect::<Vec<_>>()
+            (0..4).map(|i| neighbors.indices(i).len()).collect::<Vec<_>>()
         };
         assert_eq!(count(Neighborhood::Nearest(100)), [4, 4, 4, 4]);
         assert_eq!(count(Neighborhood::Radius(2.5)), [2, 3, 2, 1]);

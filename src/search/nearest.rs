@@ -11,28 +11,28 @@ use super::leaves::{LEAF, Leaves, squared_distance};
 use crate::par;
 
 /// Leaves a task of the parallel loop: the reach that one needed is a guess for the next.
-const TASK: usize = 16;
+const LEAVES_PER_TASK: usize = 16;
 /// How much further than the last leaf needed the next one looks: less has to be looked
 /// for again too often, more finds too much.
-const MARGIN: f32 = 1.25;
+const RADIUS_MARGIN: f32 = 1.25;
 
 /// The indices of the `k` nearest of every point, `k` from 1 to their number, row after row in the
 /// order of `leaves`; within a row too. Of equal distances those of lower index are taken.
-pub(super) fn all(leaves: &Leaves, k: usize) -> Vec<u32> {
+pub(super) fn k_nearest_of_all(leaves: &Leaves, k: usize) -> Vec<u32> {
     let mut rows = vec![0; leaves.len() * k];
     let arch = pulp::Arch::new();
-    par::for_each_row(&mut rows, TASK * LEAF * k, Scratch::default, |scratch, task, rows| {
+    par::for_each_row(&mut rows, LEAVES_PER_TASK * LEAF * k, QueryScratch::default, |scratch, task, rows| {
         let mut reach = 0.0;
         for (at, rows) in rows.chunks_mut(LEAF * k).enumerate() {
-            let leaf = task * TASK + at;
-            reach = arch.dispatch(OfLeaf { leaves, leaf, k, reach, scratch, rows });
+            let leaf = task * LEAVES_PER_TASK + at;
+            reach = arch.dispatch(LeafQuery { leaves, leaf, k, reach, scratch, rows });
         }
     });
     rows
 }
 
 #[derive(Default)]
-struct Scratch {
+struct QueryScratch {
     /// Leaves within reach.
     listed: Vec<u32>,
     stack: Vec<u32>,
@@ -43,33 +43,33 @@ struct Scratch {
 }
 
 /// The rows of a leaf; the answer is how far they reach, squared.
-struct OfLeaf<'a> {
+struct LeafQuery<'a> {
     leaves: &'a Leaves,
     leaf: usize,
     k: usize,
     /// Squared distance to try first.
     reach: f32,
-    scratch: &'a mut Scratch,
+    scratch: &'a mut QueryScratch,
     rows: &'a mut [u32],
 }
 
-impl WithSimd for OfLeaf<'_> {
+impl WithSimd for LeafQuery<'_> {
     type Output = f32;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f32 {
-        let OfLeaf { leaves, leaf, k, reach, scratch, rows } = self;
-        if let Some(used) = rows_within(leaves, leaf, k, reach * MARGIN, scratch, rows) {
+        let LeafQuery { leaves, leaf, k, reach, scratch, rows } = self;
+        if let Some(used) = fill_rows_within(leaves, leaf, k, reach * RADIUS_MARGIN, scratch, rows) {
             return used;
         }
         // The ball around one point that holds k, widened by the leaf, holds k around each.
-        let (extent, around) = leaves.around(leaf, k);
+        let (extent, around) = leaves.enclosing_boxes(leaf, k);
         let (own, sure) = (extent.squared_diagonal(), around.squared_diagonal());
         let one = &mut rows[..k];
-        let first = rows_within(leaves, leaf, k, sure, scratch, one).unwrap_or(sure);
+        let first = fill_rows_within(leaves, leaf, k, sure, scratch, one).unwrap_or(sure);
         let widened = (first.sqrt() + own.sqrt()).powi(2) * (1.0 + 1e-5);
-        rows_within(leaves, leaf, k, widened.min(sure), scratch, rows)
-            .or_else(|| rows_within(leaves, leaf, k, sure, scratch, rows))
+        fill_rows_within(leaves, leaf, k, widened.min(sure), scratch, rows)
+            .or_else(|| fill_rows_within(leaves, leaf, k, sure, scratch, rows))
             .unwrap_or(sure)
     }
 }
@@ -77,16 +77,16 @@ impl WithSimd for OfLeaf<'_> {
 /// As many rows of a leaf as `rows` has room for, from the points within a squared `reach`;
 /// `None` where that is too few. The answer is the largest squared distance.
 #[inline(always)]
-fn rows_within(
+fn fill_rows_within(
     leaves: &Leaves,
     leaf: usize,
     k: usize,
     reach: f32,
-    scratch: &mut Scratch,
+    scratch: &mut QueryScratch,
     rows: &mut [u32],
 ) -> Option<f32> {
-    let Scratch { listed, stack, distances, ties, row } = scratch;
-    leaves.near(&leaves.around(leaf, 0).0, reach, k, listed, stack);
+    let QueryScratch { listed, stack, distances, ties, row } = scratch;
+    leaves.leaves_within(&leaves.enclosing_boxes(leaf, 0).0, reach, k, listed, stack);
     row.resize(k + 1, 0);
     let mut used = 0.0f32;
     for (place, out) in leaves.places(leaf).zip(rows.chunks_exact_mut(k)) {
@@ -100,7 +100,7 @@ fn rows_within(
                 x.iter().zip(y).zip(z).map(|((&x, &y), &z)| squared_distance(query, [x, y, z])),
             );
         }
-        let limit = kth(distances, k, reach)?;
+        let limit = kth_smallest(distances, k, reach)?;
         let last = match limit.ties {
             0 => key(limit.below, u32::MAX),
             _ => {
@@ -139,7 +139,7 @@ fn key(squared_distance: f32, index: u32) -> u64 {
 }
 
 /// What is among the k nearest: all up to `below`, and so many `ties` at `above`.
-struct Limit {
+struct KthDistance {
     below: f32,
     above: f32,
     ties: usize,
@@ -150,9 +150,9 @@ struct Limit {
 /// Counts grow evenly with the squared distance on a surface, so a straight line between
 /// two counts leads near; halving the bits between them ends the search in any case.
 #[inline(always)]
-fn kth(values: &[f32], k: usize, reach: f32) -> Option<Limit> {
+fn kth_smallest(values: &[f32], k: usize, reach: f32) -> Option<KthDistance> {
     let count = |limit: f32| values.iter().map(|&d| u32::from(d <= limit)).sum::<u32>() as usize;
-    let found = |below| Some(Limit { below, above: below, ties: 0 });
+    let found = |below| Some(KthDistance { below, above: below, ties: 0 });
     let (mut high, mut at_high) = (reach, count(reach));
     if at_high <= k {
         return if at_high == k { found(reach) } else { None };
@@ -160,7 +160,7 @@ fn kth(values: &[f32], k: usize, reach: f32) -> Option<Limit> {
     let (mut low, mut at_low) = (-1.0f32, 0);
     let zero = count(0.0);
     if zero > k {
-        return Some(Limit { below: -1.0, above: 0.0, ties: k });
+        return Some(KthDistance { below: -1.0, above: 0.0, ties: k });
     }
     if zero > 0 {
         (low, at_low) = (0.0, zero);
@@ -171,7 +171,7 @@ fn kth(values: &[f32], k: usize, reach: f32) -> Option<Limit> {
     for step in 0.. {
         let (bits_low, bits_high) = (low.max(0.0).to_bits(), high.to_bits());
         if bits_high - bits_low <= 1 && low >= 0.0 {
-            return Some(Limit { below: low, above: high, ties: k - at_low });
+            return Some(KthDistance { below: low, above: high, ties: k - at_low });
         }
         let share = (k - at_low) as f32 / (at_high - at_low) as f32;
         let line = low.max(0.0) + (high - low.max(0.0)) * share;

@@ -37,17 +37,17 @@ impl SearchTree {
     pub fn k_nearest(&self, query: &[f32; 3], k: usize) -> Vec<Neighbor> {
         let Some(k) = NonZero::new(k.min(self.len)) else { return Vec::new() };
         let found = self.tree.query(query).nearest_n::<SquaredEuclidean<f32>>(k).execute();
-        ordered(found.iter().map(|f| (f.item, f.distance)))
+        sort_by_distance(found.iter().map(|f| (f.item, f.distance)))
     }
 
     /// All points at most `radius` away, nearest first.
     pub fn within(&self, query: &[f32; 3], radius: f64) -> Vec<Neighbor> {
         let squared = (radius * radius) as f32;
         let found = self.tree.query(query).within::<SquaredEuclidean<f32>>(squared).execute();
-        ordered(found.iter().map(|f| (f.item, f.distance)))
+        sort_by_distance(found.iter().map(|f| (f.item, f.distance)))
     }
 
-    pub(super) fn around(&self, query: &[f32; 3], neighborhood: Neighborhood) -> Vec<Neighbor> {
+    pub(super) fn neighborhood(&self, query: &[f32; 3], neighborhood: Neighborhood) -> Vec<Neighbor> {
         match neighborhood {
             Neighborhood::Nearest(k) => self.k_nearest(query, k),
             Neighborhood::Radius(radius) => self.within(query, radius),
@@ -61,7 +61,7 @@ impl SearchTree {
     }
 }
 
-pub(super) fn ordered(found: impl Iterator<Item = (u32, f32)>) -> Vec<Neighbor> {
+pub(super) fn sort_by_distance(found: impl Iterator<Item = (u32, f32)>) -> Vec<Neighbor> {
     let mut neighbors: Vec<Neighbor> =
         found.map(|(index, squared_distance)| Neighbor { index, squared_distance }).collect();
     neighbors.sort_unstable_by(|a, b| {

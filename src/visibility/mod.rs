@@ -4,13 +4,13 @@
 //! [`DepthImage`] keeps that, [`viewpoint`] finds the place of the sensor where no file tells it,
 //! [`RangeLimit`] the points that are no surface.
 
-mod depth;
-mod range_limit;
+mod depth_image;
+mod max_range_returns;
 mod viewpoint;
 
-pub use depth::DepthImage;
-pub use range_limit::RangeLimit;
-pub use viewpoint::{Side, Sight, Viewpoints};
+pub use depth_image::DepthImage;
+pub use max_range_returns::MaxRangeReturns;
+pub use viewpoint::{ViewpointSide, OrientedSample, ViewpointEstimates};
 
 use rustc_hash::FxHashMap;
 
@@ -26,7 +26,7 @@ struct Pixel {
 
 impl Pixel {
     /// Of a direction that is not zero; `side` is the width of a pixel on a cube of half side 1.
-    fn of(direction: Vec3, side: f64) -> Pixel {
+    fn from_direction(direction: Vec3, side: f64) -> Pixel {
         let size = direction.map(f64::abs);
         let axis = if size[0] >= size[1] && size[0] >= size[2] {
             0
@@ -43,7 +43,7 @@ impl Pixel {
     }
 
     /// The pixel and those around it on the same face.
-    fn around(self) -> impl Iterator<Item = Pixel> {
+    fn neighborhood(self) -> impl Iterator<Item = Pixel> {
         let shift = |x: i32, d: i32| x.saturating_add(d);
         (-1..=1).flat_map(move |u| {
             (-1..=1)
@@ -62,10 +62,10 @@ fn median(mut distances: Vec<f64>) -> Option<f64> {
 }
 
 /// The distance of what is nearest in each pixel.
-type Nearest<D> = FxHashMap<Pixel, D>;
+type NearestDepths<D> = FxHashMap<Pixel, D>;
 
 /// Notes that something is at `distance` in `pixel`, of which the nearest is kept.
-fn note<D: Copy + PartialOrd>(nearest: &mut Nearest<D>, pixel: Pixel, distance: D) {
+fn record_nearest<D: Copy + PartialOrd>(nearest: &mut NearestDepths<D>, pixel: Pixel, distance: D) {
     let seen = nearest.entry(pixel).or_insert(distance);
     if distance < *seen {
         *seen = distance;
@@ -73,7 +73,7 @@ fn note<D: Copy + PartialOrd>(nearest: &mut Nearest<D>, pixel: Pixel, distance: 
 }
 
 /// `count` directions spread evenly over the sphere: a Fibonacci lattice.
-fn directions(count: usize) -> impl Iterator<Item = Vec3> {
+fn fibonacci_directions(count: usize) -> impl Iterator<Item = Vec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;

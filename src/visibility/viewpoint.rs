@@ -4,13 +4,13 @@
 //! another place both happen. That leaves two places open for a shell: an object seen from
 //! outside looks like a hollow seen from within. [`Viewpoints::find`] gives the best of each.
 
-use super::{Nearest, Pixel, directions, median, note};
+use super::{NearestDepths, Pixel, fibonacci_directions, median, record_nearest};
 use crate::math::{self, Vec3};
 use crate::par;
 
 /// A scan, thinned so that its points are about `spacing` apart.
 #[derive(Clone, Copy)]
-pub struct Sight<'a> {
+pub struct OrientedSample<'a> {
     /// Positions about any origin.
     pub points: &'a [[f32; 3]],
     /// Their normals, of either sign; zero where undefined.
@@ -21,7 +21,7 @@ pub struct Sight<'a> {
 
 /// On which side of the surfaces a viewpoint lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub enum ViewpointSide {
     /// Surfaces bend away from it: an object seen from outside.
     Outside,
     /// Surfaces bend around it: a room seen from within.
@@ -30,7 +30,7 @@ pub enum Side {
 
 /// The best viewpoints, with what speaks against each ([`Sight::implausible`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Viewpoints {
+pub struct ViewpointEstimates {
     /// From outside.
     pub outside: Option<(Vec3, f64)>,
     /// From within.
@@ -40,48 +40,48 @@ pub struct Viewpoints {
 /// Width of a pixel in spacings at the median distance: most hold a point or two.
 const PIXEL: f64 = 2.0;
 /// Pixel widths behind the nearest point from which a point counts as hidden.
-const HIDDEN: f64 = 3.0;
+const MIN_HIDDEN_DEPTH: f64 = 3.0;
 /// Cosine of ray and normal below which a surface is grazed.
-const GRAZED: f64 = 0.2;
+const MIN_INCIDENCE_COSINE: f64 = 0.2;
 /// Directions that are tried at each distance.
 const DIRECTIONS: usize = 48;
 /// Distances that are tried, in root mean square radii about the centroid.
 const DISTANCES: [f64; 6] = [0.4, 0.8, 1.3, 2.0, 3.5, 100.0];
 /// The best places from which a better one is sought.
-const REFINED: usize = 4;
+const REFINED_CANDIDATES: usize = 4;
 
-impl Sight<'_> {
+impl OrientedSample<'_> {
     /// What speaks against `viewpoint`, 0 (nothing) to some 3: the share of points that others
     /// hide, half the share seen at a grazing angle, twice the share within three spacings.
-    pub fn implausible(&self, viewpoint: Vec3) -> f64 {
-        self.cost(viewpoint, &mut Nearest::default())
+    pub fn visibility_cost(&self, viewpoint: Vec3) -> f64 {
+        self.cost(viewpoint, &mut NearestDepths::default())
     }
 
-    fn cost(&self, viewpoint: Vec3, nearest: &mut Nearest<f64>) -> f64 {
+    fn cost(&self, viewpoint: Vec3, nearest: &mut NearestDepths<f64>) -> f64 {
         nearest.clear();
         let n = self.points.len();
         let ray = |point: &[f32; 3]| math::sub(point.map(f64::from), viewpoint);
         let all: Vec<f64> = self.points.iter().map(|p| math::norm(ray(p))).collect();
         let Some(median) = median(all.clone()) else { return 0.0 };
         let side = (PIXEL * self.spacing / median).clamp(1e-8, 1.0);
-        let pixels: Vec<Pixel> = self.points.iter().map(|p| Pixel::of(ray(p), side)).collect();
+        let pixels: Vec<Pixel> = self.points.iter().map(|p| Pixel::from_direction(ray(p), side)).collect();
         for (&pixel, &distance) in pixels.iter().zip(&all) {
-            note(nearest, pixel, distance);
+            record_nearest(nearest, pixel, distance);
         }
         let (mut hidden, mut grazed, mut close) = (0, 0, 0);
         for i in 0..n {
             let distance = all[i];
             let width = (side * distance).max(self.spacing);
-            hidden += usize::from(distance - nearest[&pixels[i]] > HIDDEN * width);
+            hidden += usize::from(distance - nearest[&pixels[i]] > MIN_HIDDEN_DEPTH * width);
             let across = math::dot(ray(&self.points[i]), self.normals[i].map(f64::from)).abs();
-            grazed += usize::from(across < GRAZED * distance);
+            grazed += usize::from(across < MIN_INCIDENCE_COSINE * distance);
             close += usize::from(distance < 3.0 * self.spacing);
         }
         (hidden as f64 + 0.5 * grazed as f64 + 2.0 * close as f64) / n as f64
     }
 
     /// The normals, turned towards `viewpoint`.
-    pub fn towards(&self, viewpoint: Vec3) -> Vec<[f32; 3]> {
+    pub fn orient_normals(&self, viewpoint: Vec3) -> Vec<[f32; 3]> {
         let turned = |(point, normal): (&[f32; 3], &[f32; 3])| {
             let ray = math::sub(viewpoint, point.map(f64::from));
             let away = math::dot(ray, normal.map(f64::from)) < 0.0;
@@ -92,13 +92,13 @@ impl Sight<'_> {
 
     /// Whether surfaces bend away from `viewpoint` or around it; `toward` is, for every point,
     /// the way from it to the mean of its neighbours.
-    fn side(&self, viewpoint: Vec3, toward: &[Vec3]) -> Side {
-        let normals = self.towards(viewpoint);
+    fn side(&self, viewpoint: Vec3, toward: &[Vec3]) -> ViewpointSide {
+        let normals = self.orient_normals(viewpoint);
         let bends = normals.iter().zip(toward).map(|(n, &m)| math::dot(n.map(f64::from), m));
-        if bends.sum::<f64>() < 0.0 { Side::Outside } else { Side::Inside }
+        if bends.sum::<f64>() < 0.0 { ViewpointSide::Outside } else { ViewpointSide::Inside }
     }
 
-    fn frame(&self) -> (Vec3, f64) {
+    fn centroid_and_radius(&self) -> (Vec3, f64) {
         let n = self.points.len() as f64;
         let sum = self.points.iter().fold([0.0; 3], |sum, p| math::add(sum, p.map(f64::from)));
         let center = math::scaled(sum, 1.0 / n);
@@ -110,35 +110,35 @@ impl Sight<'_> {
     }
 }
 
-impl Viewpoints {
+impl ViewpointEstimates {
     /// The best viewpoints of `sight`; `toward` is, for every point, the way from it to the
     /// mean of its neighbours.
-    pub fn find(sight: Sight<'_>, toward: &[Vec3]) -> Viewpoints {
+    pub fn compute(sight: OrientedSample<'_>, toward: &[Vec3]) -> ViewpointEstimates {
         if sight.points.is_empty() {
-            return Viewpoints { outside: None, inside: None };
+            return ViewpointEstimates { outside: None, inside: None };
         }
-        let (center, radius) = sight.frame();
+        let (center, radius) = sight.centroid_and_radius();
         let shells = DISTANCES.iter().flat_map(|&distance| {
-            directions(DIRECTIONS)
+            fibonacci_directions(DIRECTIONS)
                 .map(move |d| math::add(center, math::scaled(d, distance * radius)))
         });
         let places: Vec<Vec3> = std::iter::once(center).chain(shells).collect();
-        let judged = |nearest: &mut Nearest<f64>, at: Vec3| (at, sight.cost(at, nearest));
+        let judged = |nearest: &mut NearestDepths<f64>, at: Vec3| (at, sight.cost(at, nearest));
         let mut all =
-            par::map(places.len(), Nearest::default, |nearest, i| judged(nearest, places[i]));
+            par::map(places.len(), NearestDepths::default, |nearest, i| judged(nearest, places[i]));
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let better = par::map(all.len().min(REFINED), Nearest::default, |nearest, i| {
-            descend(all[i], center, radius, |at| judged(nearest, at))
+        let better = par::map(all.len().min(REFINED_CANDIDATES), NearestDepths::default, |nearest, i| {
+            pattern_search(all[i], center, radius, |at| judged(nearest, at))
         });
         all.extend(better);
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
         let best = |side| all.iter().find(|(at, _)| sight.side(*at, toward) == side).copied();
-        Viewpoints { outside: best(Side::Outside), inside: best(Side::Inside) }
+        ViewpointEstimates { outside: best(ViewpointSide::Outside), inside: best(ViewpointSide::Inside) }
     }
 }
 
 /// Steps along the axes, halved where none helps (pattern search).
-fn descend(
+fn pattern_search(
     start: (Vec3, f64),
     center: Vec3,
     radius: f64,
@@ -170,7 +170,7 @@ mod tests {
     /// Points of a sphere of radius 1 with z above `lowest`, some 0.06 apart, their normals,
     /// and the ways to their neighbours.
     fn cap(lowest: f64) -> (Vec<[f32; 3]>, Vec<Vec3>) {
-        let points: Vec<Vec3> = directions(3000).filter(|p| p[2] > lowest).collect();
+        let points: Vec<Vec3> = fibonacci_directions(3000).filter(|p| p[2] > lowest).collect();
         let toward = points.iter().map(|&p| math::scaled(p, -0.01)).collect();
         (points.iter().map(|p| p.map(|x| x as f32)).collect(), toward)
     }
@@ -178,29 +178,29 @@ mod tests {
     #[test]
     fn a_cap_is_seen_from_above_or_from_within() {
         let (points, toward) = cap(0.2);
-        let sight = Sight { points: &points, normals: &points, spacing: 0.065 };
-        let found = Viewpoints::find(sight, &toward);
+        let sight = OrientedSample { points: &points, normals: &points, spacing: 0.065 };
+        let found = ViewpointEstimates::compute(sight, &toward);
         let (outside, cost) = found.outside.unwrap();
         assert!(outside[2] > 1.0 && cost < 0.1, "{found:?}");
         let (inside, cost) = found.inside.unwrap();
         assert!(inside[2] < 0.7 && cost < 0.1, "{found:?}");
         // From the side a part of it hides the rest or is grazed.
-        assert!(sight.implausible([30.0, 0.0, 0.0]) > 0.2);
+        assert!(sight.visibility_cost([30.0, 0.0, 0.0]) > 0.2);
     }
 
     #[test]
     fn a_whole_sphere_has_no_viewpoint_outside() {
         let (points, toward) = cap(-2.0);
-        let sight = Sight { points: &points, normals: &points, spacing: 0.065 };
-        let found = Viewpoints::find(sight, &toward);
+        let sight = OrientedSample { points: &points, normals: &points, spacing: 0.065 };
+        let found = ViewpointEstimates::compute(sight, &toward);
         assert!(found.outside.is_none_or(|(_, cost)| cost > 0.3), "{found:?}");
         assert!(found.inside.unwrap().1 < 0.1);
     }
 
     #[test]
     fn nothing_has_no_viewpoint() {
-        let sight = Sight { points: &[], normals: &[], spacing: 1.0 };
-        let none = Viewpoints { outside: None, inside: None };
-        assert_eq!(Viewpoints::find(sight, &[]), none);
+        let sight = OrientedSample { points: &[], normals: &[], spacing: 1.0 };
+        let none = ViewpointEstimates { outside: None, inside: None };
+        assert_eq!(ViewpointEstimates::compute(sight, &[]), none);
     }
 }

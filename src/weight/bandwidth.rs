@@ -80,26 +80,26 @@ impl FromStr for Bandwidth {
 /// As it stands in JSON.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged, expecting = "must be a number, \"auto\" or \"auto:SHARE\"")]
-enum Written {
+enum BandwidthRepr {
     Number(f64),
     Word(String),
 }
 
-impl From<Bandwidth> for Written {
+impl From<Bandwidth> for BandwidthRepr {
     fn from(bandwidth: Bandwidth) -> Self {
         match bandwidth {
-            Bandwidth::Fixed(beta) => Written::Number(beta),
-            Bandwidth::Auto(_) => Written::Word(bandwidth.to_string()),
+            Bandwidth::Fixed(beta) => BandwidthRepr::Number(beta),
+            Bandwidth::Auto(_) => BandwidthRepr::Word(bandwidth.to_string()),
         }
     }
 }
 
-impl TryFrom<Written> for Bandwidth {
+impl TryFrom<BandwidthRepr> for Bandwidth {
     type Error = Error;
-    fn try_from(written: Written) -> Result<Self> {
+    fn try_from(written: BandwidthRepr) -> Result<Self> {
         match written {
-            Written::Number(beta) => Ok(Bandwidth::Fixed(beta)),
-            Written::Word(text) => text.parse(),
+            BandwidthRepr::Number(beta) => Ok(Bandwidth::Fixed(beta)),
+            BandwidthRepr::Word(text) => text.parse(),
         }
     }
 }

@@ -46,12 +46,12 @@ pub enum Composite {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedComposite {
     /// In postfix order.
-    steps: Vec<Step>,
+    steps: Vec<StackOperation>,
 }
 
 /// What happens next to a stack of weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Step {
+enum StackOperation {
     Push(WeightScheme, f64),
     /// The same weight for every distance.
     Constant(f32),
@@ -76,7 +76,7 @@ impl Composite {
     /// # Errors
     /// Those of `beta` and of [`WeightScheme::weight`]; [`Error::Config`] for a factor that is
     /// negative or not finite, and for nesting deeper than 16.
-    pub fn resolved<B: Into<Bandwidth>>(
+    pub fn resolve<B: Into<Bandwidth>>(
         &self,
         mut beta: impl FnMut(Bandwidth) -> Result<B>,
     ) -> Result<ResolvedComposite> {
@@ -88,7 +88,7 @@ impl Composite {
     fn compile<B: Into<Bandwidth>>(
         &self,
         beta: &mut impl FnMut(Bandwidth) -> Result<B>,
-        steps: &mut Vec<Step>,
+        steps: &mut Vec<StackOperation>,
         depth: usize,
     ) -> Result<()> {
         if depth > DEPTH {
@@ -102,7 +102,7 @@ impl Composite {
                     return Err(Error::config("beta", bandwidth, rule));
                 };
                 kernel.weight(beta, 0.0)?;
-                steps.push(Step::Push(*kernel, beta));
+                steps.push(StackOperation::Push(*kernel, beta));
                 return Ok(());
             }
             Composite::Times(factor, kernel) => {
@@ -111,18 +111,18 @@ impl Composite {
                     return Err(Error::config("weights", factor, rule));
                 }
                 kernel.compile(beta, steps, depth)?;
-                steps.push(Step::Times(*factor));
+                steps.push(StackOperation::Times(*factor));
                 return Ok(());
             }
-            Composite::Sum(parts) => (parts, 0.0, Step::Add),
-            Composite::Product(parts) => (parts, 1.0, Step::Multiply),
+            Composite::Sum(parts) => (parts, 0.0, StackOperation::Add),
+            Composite::Product(parts) => (parts, 1.0, StackOperation::Multiply),
         };
         for (at, part) in parts.iter().enumerate() {
             // What was found before waits below.
             part.compile(beta, steps, depth + at.min(1))?;
             steps.extend((at > 0).then_some(join));
         }
-        steps.extend(parts.is_empty().then_some(Step::Constant(neutral)));
+        steps.extend(parts.is_empty().then_some(StackOperation::Constant(neutral)));
         Ok(())
     }
 }
@@ -141,23 +141,23 @@ impl WeightKernel for ResolvedComposite {
             let n = chunk.len();
             for &step in &self.steps {
                 match step {
-                    Step::Push(scheme, beta) => {
+                    StackOperation::Push(scheme, beta) => {
                         stack[top][..n].copy_from_slice(chunk);
                         let weighed = scheme.visit(beta, Fill(&mut stack[top][..n]));
                         weighed.expect("was weighed by once when it was resolved");
                         top += 1;
                     }
-                    Step::Constant(weight) => {
+                    StackOperation::Constant(weight) => {
                         stack[top] = [weight; CHUNK];
                         top += 1;
                     }
-                    Step::Times(factor) => stack[top - 1].iter_mut().for_each(|w| *w *= factor),
-                    Step::Add | Step::Multiply => {
+                    StackOperation::Times(factor) => stack[top - 1].iter_mut().for_each(|w| *w *= factor),
+                    StackOperation::Add | StackOperation::Multiply => {
                         top -= 1;
                         let (below, above) = stack.split_at_mut(top);
                         let pairs = below[top - 1].iter_mut().zip(&above[0]);
                         match step {
-                            Step::Add => pairs.for_each(|(a, b)| *a += b),
+                            StackOperation::Add => pairs.for_each(|(a, b)| *a += b),
                             _ => pairs.for_each(|(a, b)| *a *= b),
                         }
                     }
@@ -188,7 +188,7 @@ mod tests {
     }
 
     fn fixed(composite: &Composite) -> Result<ResolvedComposite> {
-        composite.resolved(Ok)
+        composite.resolve(Ok)
     }
 
     proptest! {

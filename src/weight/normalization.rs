@@ -32,7 +32,7 @@ pub enum Normalization {
 }
 
 /// Most rounds of [`Normalization::Sinkhorn`]: two passes each.
-const MOST_ROUNDS: u32 = 1000;
+const MAX_SINKHORN_ROUNDS: u32 = 1000;
 
 impl Normalization {
     /// The names `--normalize` takes.
@@ -57,7 +57,7 @@ impl FromStr for Normalization {
     fn from_str(text: &str) -> Result<Self> {
         let unknown = || {
             let rule =
-                format!("must be one of {} with N from 1 to {MOST_ROUNDS}", Self::NAMES.join(", "));
+                format!("must be one of {} with N from 1 to {MAX_SINKHORN_ROUNDS}", Self::NAMES.join(", "));
             Error::config("normalize", text, rule)
         };
         match text {
@@ -68,7 +68,7 @@ impl FromStr for Normalization {
             _ => {
                 let rounds = text.strip_prefix("sinkhorn:").and_then(|n| n.parse().ok());
                 rounds
-                    .filter(|n| (1..=MOST_ROUNDS).contains(n))
+                    .filter(|n| (1..=MAX_SINKHORN_ROUNDS).contains(n))
                     .map(Normalization::Sinkhorn)
                     .ok_or_else(unknown)
             }

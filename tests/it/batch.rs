@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
-use cfreg::cloud::Viewpoints;
+use cfreg::cloud::ViewpointSource;
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Consensus, Method, Register, Registration};
+use cfreg::method::{Pipeline, Consensus, Method, Register, Registration};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -200,7 +200,7 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     done(path, &format!("{RUN} -o rows.csv --overwrite"));
     // A journal of another method.
     fs::remove_file(path.join("rows.csv")).unwrap();
-    let chain: Chain = Chain::new("cf".parse().unwrap(), Vec::new()).unwrap();
+    let chain: Pipeline = Pipeline::new("cf".parse().unwrap(), Vec::new()).unwrap();
     let list = List::read(&path.join("pairs.csv"), Path::new("")).unwrap();
     let mut batch = Batch::new(&chain, &chain);
     batch.interrupt.request();
@@ -299,7 +299,7 @@ impl Register for Moody<'_> {
                 par::checkpoint();
                 std::thread::sleep(Duration::from_millis(1));
             },
-            _ => Chain::new("icp".parse()?, Vec::new())?.register(source, target),
+            _ => Pipeline::new("icp".parse()?, Vec::new())?.register(source, target),
         }
     }
 }
@@ -355,14 +355,14 @@ fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
     let here = folder.path().display();
     let line = format!("{RUN} -o rows.csv --viewpoints none --sample 200 --folder {here}");
     done(folder.path(), &line);
-    let chain = Chain::new(
+    let chain = Pipeline::new(
         "cf".parse::<Method>().unwrap().with([("neighbors", 30.into())]).unwrap(),
         vec!["icp".parse().unwrap()],
     );
-    let chain = chain.unwrap().with_verdict(Consensus::default());
+    let chain = chain.unwrap().with_verification(Consensus::default());
     let list = List::read(&folder.path().join("pairs.csv"), folder.path()).unwrap();
     let mut batch = Batch::new(&chain, &chain);
-    batch.viewpoints = Viewpoints::None;
+    batch.viewpoints = ViewpointSource::None;
     batch.thinning.sample = Some(200);
     let rows = batch.rows(&list, |_, _| ()).unwrap();
     for seed in 0..CLOUDS {

@@ -1,7 +1,7 @@
 //! Clouds of many pairs: what is kept beside them changes no bit of an answer.
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Cache, Cached, Chain, Method, Register, Registration, Timings};
+use cfreg::method::{Cache, Cached, Pipeline, Method, Register, Registration, Timings};
 use cfreg::{PointCloud, Transform};
 use serde_json::{Value, json};
 
@@ -24,10 +24,10 @@ fn clouds() -> Vec<PointCloud> {
     (0..4).map(cloud).collect()
 }
 
-fn chain(name: &str, settings: &[(&'static str, Value)], refine: &str) -> Chain {
+fn chain(name: &str, settings: &[(&'static str, Value)], refine: &str) -> Pipeline {
     let method: Method = name.parse().unwrap();
     let method = method.with(settings.iter().cloned()).unwrap();
-    Chain::new(method, refine.split_terminator('+').map(|name| name.parse().unwrap()).collect())
+    Pipeline::new(method, refine.split_terminator('+').map(|name| name.parse().unwrap()).collect())
         .unwrap()
 }
 

@@ -9,7 +9,7 @@ use cfreg::descriptor::{HistogramScale, fpfh};
 use cfreg::experiment::shape::boulder;
 use cfreg::keypoint::{Iss, Keypoints, Sift};
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cfk, Describe, Method, Register, Registration, Timings};
+use cfreg::method::{Cfk, FeatureConfig, Method, Register, Registration, Timings};
 use cfreg::moments::FullConnection;
 use cfreg::normals::{self, Orientation};
 use cfreg::quality::{Warning, MIN_KEYPOINTS};
@@ -39,7 +39,7 @@ fn detect(keypoints: &Keypoints, cloud: &PointCloud) -> Vec<usize> {
 
 fn cfk(keypoints: Keypoints) -> Cfk {
     let mut cfk = Cfk { keypoints, ..Cfk::default() };
-    cfk.connection.describe.neighborhood = Neighborhood::Nearest(K);
+    cfk.cf.features.neighborhood = Neighborhood::Nearest(K);
     cfk
 }
 
@@ -152,7 +152,7 @@ fn keypoints_are_described_from_all_points_around() {
     let cfk = cfk(Keypoints::default());
     let mut times = Timings::default();
     let mut prepare = |cloud| {
-        cfk.connection.describe.prepare_at(cloud, "it", Some(&cfk.keypoints), &mut times).unwrap()
+        cfk.cf.features.extract_at_keypoints(cloud, "it", Some(&cfk.keypoints), &mut times).unwrap()
     };
     for cloud in [&source, &target] {
         let neighbors = Neighbors::find(cloud.points(), Neighborhood::Nearest(K)).unwrap();
@@ -160,19 +160,19 @@ fn keypoints_are_described_from_all_points_around() {
         let all = fpfh(cloud.points(), &normals.vectors, &neighbors, HistogramScale::Pcl).unwrap();
         let rows = cfk.keypoints.detect(cloud.points(), &normals.curvature).unwrap();
         let prepared = prepare(cloud);
-        let described = prepared.described();
+        let described = prepared.view();
         assert_eq!(prepared.counts().keypoints, Some(rows.len()));
         assert_eq!(described.descriptors, &all.select(&rows));
         assert!(rows.iter().zip(described.points).all(|(&row, p)| *p == cloud.points()[row]));
     }
     // And the answer is one solve on the connection of these.
     let [a, b] = [&source, &target].map(&mut prepare);
-    let connection = FullConnection::new(a.described(), b.described()).unwrap();
+    let connection = FullConnection::new(a.view(), b.view()).unwrap();
     let moments =
         connection.scheme_moments(WeightScheme::Gaussian, 100.0, Normalization::None).unwrap();
     let found = cfk.register(&source, &target).unwrap();
     assert_eq!(found.moments, moments);
-    assert_eq!(found.connections, (a.described().points.len() * b.described().points.len()) as u64);
+    assert_eq!(found.connections, (a.view().points.len() * b.view().points.len()) as u64);
 }
 
 /// Two samples share few points of ISS, and the pose is coarse.
@@ -253,7 +253,7 @@ fn the_same_bits_on_any_number_of_threads_and_in_every_run() {
     for keypoints in detectors() {
         let run = |threads| {
             let mut cfk = cfk(keypoints);
-            cfk.connection.threads = threads;
+            cfk.cf.threads = threads;
             let found = cfk.register(&source, &target).unwrap();
             (found.transform, found.moments, found.points)
         };
@@ -331,7 +331,7 @@ fn real_scans_have_keypoints_that_register_them() {
         let moved = scan.transformed(&truth).unwrap();
         for keypoints in detectors() {
             let cfk = Cfk { keypoints, ..Cfk::default() };
-            assert_eq!(cfk.connection.describe, Describe::default());
+            assert_eq!(cfk.cf.features, FeatureConfig::default());
             let found = cfk.register(&scan, &moved).unwrap();
             let error = cfreg::quality::pose_error(&found.transform, &truth, scan.centroid());
             let what = format!("{file} {}: {error:?} {:?}", keypoints.name(), found.points);

@@ -1,6 +1,6 @@
 //! Channels of clouds: from file to file, and where shape alone says nothing.
 
-use cfreg::method::{Cf, Channel, Consensus, Describe, Register};
+use cfreg::method::{Cf, Channel, Consensus, FeatureConfig, Register};
 use cfreg::quality::Decision;
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization};
@@ -28,13 +28,13 @@ fn ball(seed: u64, unit: f32) -> PointCloud {
 }
 
 fn cf(channels: &[&str]) -> Cf {
-    let describe = Describe {
+    let describe = FeatureConfig {
         neighborhood: Neighborhood::Nearest(30),
         orientation: cfreg::normals::Orientation::Outward,
         channels: channels.iter().map(|text| text.parse::<Channel>().unwrap()).collect(),
-        ..Describe::default()
+        ..FeatureConfig::default()
     };
-    Cf { describe, normalization: Normalization::Both, ..Cf::default() }
+    Cf { features: describe, normalization: Normalization::Both, ..Cf::default() }
 }
 
 fn off(cf: &Cf, source: &PointCloud, target: &PointCloud, truth: &Transform) -> f64 {

@@ -244,8 +244,8 @@ fn help_states_the_defaults_of_the_library() {
     let help = String::from_utf8(output.stdout).unwrap();
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let cf = cfreg::method::Cf::default();
-    let cfreg::search::Neighborhood::Nearest(k) = cf.describe.neighborhood else { panic!() };
-    let beta = cf.describe.histogram.default_beta();
+    let cfreg::search::Neighborhood::Nearest(k) = cf.features.neighborhood else { panic!() };
+    let beta = cf.features.histogram.default_beta();
     for default in [
         format!("[default: {k}]"),
         format!("[default: {} with", beta),
@@ -253,7 +253,7 @@ fn help_states_the_defaults_of_the_library() {
         format!("[default: {}]", cf.normalization),
         format!("[default: {}]", cf.solver),
         format!("[default: {}]", cf.scale),
-        format!("[default: {}]", cf.describe.histogram),
+        format!("[default: {}]", cf.features.histogram),
     ] {
         assert!(help.contains(&default), "{default} is not in the help:\n{help}");
     }

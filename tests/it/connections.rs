@@ -3,7 +3,7 @@
 use cfreg::Transform;
 use cfreg::experiment::shape::boulder;
 use cfreg::math;
-use cfreg::method::{Cf, Matrix, Method, Register};
+use cfreg::method::{Cf, WeightBlock, Method, Register};
 use cfreg::weight::WeightScheme;
 
 #[test]
@@ -13,8 +13,8 @@ fn right_pairs_weigh_more_than_others() {
     let target = boulder().sample(800, 2).unwrap().transformed(&truth).unwrap();
     for name in ["consensus", "cf", "cfk", "teaser"] {
         let method: Method = name.parse().unwrap();
-        let found = method.connections(&source, &target, &truth).unwrap().unwrap();
-        let Matrix { rows, weights, apart, looks, .. } = &found.matrix;
+        let found = method.weight_graph(&source, &target, &truth).unwrap().unwrap();
+        let WeightBlock { rows, weights, distances: apart, principal_feature: looks, .. } = &found.block;
         let n = rows.len();
         assert!(n > 20 && weights.len() == n * n && apart.len() == n && looks.len() == n);
         let mean = |on: bool| {
@@ -24,14 +24,14 @@ fn right_pairs_weigh_more_than_others() {
         };
         assert!(mean(true) > 2.0 * mean(false), "{name}: {} {}", mean(true), mean(false));
         assert!(found.links.windows(2).all(|two| two[0].weight >= two[1].weight));
-        assert_eq!((found.full, found.reach.is_none()), (name.starts_with("cf"), found.full));
+        assert_eq!((found.full, found.inlier_distance.is_none()), (name.starts_with("cf"), found.full));
         for link in found.links.iter().filter(|_| !found.full) {
             let [p, q] =
                 [(0, link.source), (1, link.target)].map(|(k, i)| found.points[k][i as usize]);
             let off = math::norm(math::sub(truth.apply(p), q));
-            assert_eq!(link.weight > 0.0, off < found.reach.unwrap(), "{name}: {off}");
+            assert_eq!(link.weight > 0.0, off < found.inlier_distance.unwrap(), "{name}: {off}");
         }
-        for (k, received) in found.received.iter().enumerate() {
+        for (k, received) in found.weight_sums.iter().enumerate() {
             assert_eq!(received.len(), found.points[k].len());
         }
     }
@@ -43,11 +43,11 @@ fn matches_agree_with_the_pose_that_they_gave() {
     let target = boulder().sample(800, 2).unwrap();
     let method: Method = "consensus".parse().unwrap();
     let pose = method.register(&source, &target).unwrap().transform;
-    let found = method.connections(&source, &target, &pose).unwrap().unwrap();
+    let found = method.weight_graph(&source, &target, &pose).unwrap().unwrap();
     let near = found.links.iter().filter(|link| link.weight > 0.5).count();
     assert!(near > 20, "{near}");
     let wrong = Transform::from_rotation_vector([0.0, 0.0, 2.0]).after(&pose);
-    let found = method.connections(&source, &target, &wrong).unwrap().unwrap();
+    let found = method.weight_graph(&source, &target, &wrong).unwrap().unwrap();
     assert!(found.links.iter().filter(|link| link.weight > 0.5).count() < near / 4);
 }
 
@@ -56,7 +56,7 @@ fn what_has_no_weights_to_show_says_so() {
     let cloud = boulder().sample(300, 1).unwrap();
     let own = Cf { weights: WeightScheme::Custom, ..Cf::default() };
     for method in ["icp".parse().unwrap(), "cpd".parse().unwrap(), Method::Cf(own)] {
-        let found = method.connections(&cloud, &cloud, &Transform::IDENTITY).unwrap();
+        let found = method.weight_graph(&cloud, &cloud, &Transform::IDENTITY).unwrap();
         assert_eq!(found, None, "{}", method.name());
     }
 }

@@ -2,11 +2,11 @@
 
 use crate::common;
 
-use cfreg::cloud::Viewpoints;
+use cfreg::cloud::ViewpointSource;
 use cfreg::experiment::benchmark::{self, Rule, Settings, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Registration};
+use cfreg::method::{Pipeline, Consensus, Icp, Method, Metric, Refine, Register, Registration};
 use cfreg::quality::{Decision, Warning};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
@@ -71,7 +71,7 @@ fn real_scans_that_overlap_in_part_are_registered_and_others_refused() {
     let pairs: Vec<_> =
         pairs.into_iter().filter(|pair| pair.overlap.is_some_and(wanted)).step_by(25).collect();
     let methods = ["consensus".to_string()];
-    for (viewpoints, least) in [(Viewpoints::Origin, 1.0), (Viewpoints::None, 0.92)] {
+    for (viewpoints, least) in [(ViewpointSource::Origin, 1.0), (ViewpointSource::None, 0.92)] {
         let settings = Settings { viewpoints, ..Settings::default() };
         let rows = benchmark::run(&pairs, &methods, settings, None, |_, _| ()).unwrap();
         let right = rows.iter().filter(|row| row.right).count();
@@ -96,7 +96,7 @@ fn terrestrial_scans_are_registered_however_they_are_moved() {
     pairs.retain(|pair| pair.dataset == "tls_3dtk");
     assert_eq!(pairs.len(), 3);
     for seed in 0..4 {
-        let settings = Settings { viewpoints: Viewpoints::None, seed, ..Settings::default() };
+        let settings = Settings { viewpoints: ViewpointSource::None, seed, ..Settings::default() };
         let methods = ["consensus".to_string()];
         let rows = benchmark::run(&pairs, &methods, settings, None, |_, _| ()).unwrap();
         assert!(rows.iter().all(|row| row.right), "{seed}: {rows:#?}");
@@ -269,7 +269,7 @@ fn a_refinement_that_stays_with_the_pose_stays_accepted() {
     // Pairs of any length draw it away, and it says so.
     let icp = Icp { max_distance: Some(1e3), ..icp.clone() };
     let first = Method::Consensus(Consensus::default());
-    let drawn = Chain::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
+    let drawn = Pipeline::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
     let drawn = drawn.register(&source, &target).unwrap();
     assert!(degrees(&drawn.transform, &truth) > 5.0);
     let verdict = drawn.verdict.as_ref().unwrap();

@@ -6,7 +6,7 @@ use crate::common;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
-use cfreg::pose::{Near, Prior};
+use cfreg::pose::{RotationBound, Prior};
 use cfreg::quality::Warning;
 use cfreg::{Error, PointCloud, Transform, math, quality};
 use common::compare::poses_differ_by;
@@ -144,7 +144,7 @@ proptest! {
         known in 0..4,
     ) {
         let (source, target, _) = pair(vector, seed);
-        let near = Near { vector: [0.3, -0.2, 0.1], within_deg: 30.0 };
+        let near = RotationBound { vector: [0.3, -0.2, 0.1], within_deg: 30.0 };
         let prior = Prior {
             direction: Some([[0.0, 0.0, 1.0]; 2]).filter(|_| known & 1 > 0),
             rotation: Some(near).filter(|_| known & 2 > 0),

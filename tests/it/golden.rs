@@ -101,7 +101,7 @@ fn neighbours_are_the_same_and_nearest_first() {
                 row.sort_unstable();
                 row
             };
-            assert_eq!(sorted(neighbors.of(i)), sorted(row), "of point {i}");
+            assert_eq!(sorted(neighbors.indices(i)), sorted(row), "of point {i}");
             let found = tree.k_nearest(&cloud.points()[i], row.len());
             let indices: Vec<u32> = found.iter().map(|neighbor| neighbor.index).collect();
             assert_eq!(sorted(&indices), sorted(row), "of point {i}, by the tree");

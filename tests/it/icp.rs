@@ -42,7 +42,7 @@ fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
 fn selective(metric: Metric) -> Icp {
     Icp {
         max_distance: Some(0.6),
-        keep: 0.9,
+        trim_ratio: 0.9,
         reciprocal: true,
         weights: WeightScheme::Cauchy,
         bandwidth: Some(0.3),
@@ -134,7 +134,7 @@ fn unit_and_threads_and_map_offsets_change_nothing() {
     let (source, target) = pair(0.1);
     for metric in METRICS {
         let run = |threads| {
-            let icp = Icp { threads, keep: 0.9, reciprocal: true, ..icp(metric) };
+            let icp = Icp { threads, trim_ratio: 0.9, reciprocal: true, ..icp(metric) };
             icp.register(&source, &target).unwrap()
         };
         let first = run(1);
@@ -144,7 +144,7 @@ fn unit_and_threads_and_map_offsets_change_nothing() {
         for scale in [1e-3, 1e4] {
             let unit = Transform { scale, ..Transform::IDENTITY };
             let scaled = |cloud: &PointCloud| cloud.transformed(&unit).unwrap();
-            let icp = Icp { keep: 0.9, reciprocal: true, ..icp(metric) };
+            let icp = Icp { trim_ratio: 0.9, reciprocal: true, ..icp(metric) };
             let found = icp.register(&scaled(&source), &scaled(&target)).unwrap();
             assert!(angle(&found.transform, &first.transform) < 0.02, "{metric:?} {scale}");
         }
@@ -166,7 +166,7 @@ fn robust_weights_and_trimming_resist_outliers() {
     let off = |icp: Icp| angle(&icp.register(&spoiled, &target).unwrap().transform, &motion(0.1));
     let plain = off(Icp::default());
     for robust in [
-        Icp { keep: 0.8, ..Icp::default() },
+        Icp { trim_ratio: 0.8, ..Icp::default() },
         Icp { weights: WeightScheme::Tukey, bandwidth: Some(0.5), ..Icp::default() },
         Icp { max_distance: Some(0.5), ..Icp::default() },
     ] {

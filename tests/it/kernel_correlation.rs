@@ -5,7 +5,7 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Mat3, Vec3};
-use cfreg::method::{KernelCorrelation, Refine, Register, Registration, Step, StopReason};
+use cfreg::method::{KernelCorrelation, Refine, Register, Registration, IterationRecord, StopReason};
 use cfreg::quality::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform};
 use common::compare::poses_differ_by;
@@ -38,7 +38,7 @@ fn correlation(source: &PointCloud, target: &PointCloud, pose: &Transform, sigma
 }
 
 /// The steps of each level.
-fn levels(trace: &[Step]) -> Vec<&[Step]> {
+fn levels(trace: &[IterationRecord]) -> Vec<&[IterationRecord]> {
     trace.chunk_by(|a, b| a.bandwidth == b.bandwidth).collect()
 }
 
@@ -171,7 +171,7 @@ fn sigma_falls_as_configured() {
             let want = (sigma * factor.powi(level as i32)).max(last);
             assert!((steps[0].bandwidth.unwrap() / want - 1.0).abs() < 1e-12);
             let settled =
-                |pair: &[Step]| pair[1].objective - pair[0].objective <= 1e-4 * pair[1].objective;
+                |pair: &[IterationRecord]| pair[1].objective - pair[0].objective <= 1e-4 * pair[1].objective;
             // All steps but the last grew by more; the last did not, or was the last allowed.
             let (last, others) = steps.split_last().unwrap();
             assert!(!others.windows(2).any(settled), "{level}");

@@ -2,7 +2,7 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math;
-use cfreg::method::{Cf, Cfk, Chain, Method, Register};
+use cfreg::method::{Cf, Cfk, Pipeline, Method, Register};
 use cfreg::par::Interrupt;
 use cfreg::quality::pose_error;
 use cfreg::weight::{Composite, Gaussian, Normalization, WeightScheme};
@@ -142,14 +142,14 @@ fn methods_that_start_from_a_pose_say_when_they_end_in_a_wrong_one() {
 fn a_chain_refines_what_one_step_found() {
     let (source, target, truth) = pair(1500, 2.5);
     for refinement in ["icp", "plane-icp", "gicp", "kc", "cpd"] {
-        let chain = Chain::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
+        let chain = Pipeline::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
         let found = chain.register(&source, &target).unwrap();
         let error = |pose| pose_error(pose, &truth, source.centroid()).rotation_deg;
         let before = found.refined_from.as_ref().unwrap();
         let (first, last) = (error(&before.transform), error(&found.transform));
         assert!(found.trusted && last < 1.0 && last < first, "{refinement}: {first} to {last}");
     }
-    assert!(Chain::new("cf".parse().unwrap(), vec!["teaser".parse().unwrap()]).is_err());
+    assert!(Pipeline::new("cf".parse().unwrap(), vec!["teaser".parse().unwrap()]).is_err());
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn weights_of_ones_own_register_as_those_of_a_name() {
         Composite::Product(vec![kernel, Composite::Sum(vec![]), Composite::Product(vec![])]);
     let expected = named.register(&source, &target).unwrap();
     let by_kernel = plain
-        .register_by(&source, &target, |connection| {
+        .register_with(&source, &target, |connection| {
             connection.moments(&Gaussian { beta: 60.0 }, Normalization::Both)
         })
         .unwrap();
@@ -170,17 +170,17 @@ fn weights_of_ones_own_register_as_those_of_a_name() {
     let Method::Cf(config) = &by_kernel.config else { panic!("{:?}", by_kernel.config) };
     assert_eq!((config.weights, config.beta, by_kernel.beta), (WeightScheme::Custom, None, None));
     // A factor 0 in a product leaves nothing.
-    let nothing = plain.register_by(&source, &target, |connection| {
-        let kernel = composed.resolved(|beta| connection.bandwidth(beta))?;
+    let nothing = plain.register_with(&source, &target, |connection| {
+        let kernel = composed.resolve(|beta| connection.bandwidth(beta))?;
         connection.moments(&kernel, Normalization::None)
     });
     assert!(matches!(nothing, Err(Error::NoWeight { .. })), "{nothing:?}");
     // What is recorded as custom cannot be run again by its name.
     assert!(matches!(by_kernel.config.register(&source, &target), Err(Error::Config { .. })));
 
-    let keypoints = Cfk { connection: named, ..Cfk::default() };
+    let keypoints = Cfk { cf: named, ..Cfk::default() };
     let by_kernel = Cfk::default()
-        .register_by(&source, &target, |connection| {
+        .register_with(&source, &target, |connection| {
             connection.moments(&Gaussian { beta: 60.0 }, Normalization::Both)
         })
         .unwrap();

@@ -218,7 +218,7 @@ fn a_tolerance_is_kept_and_used_where_it_pays() {
         for normalization in [Normalization::None, Normalization::Source, Normalization::Both] {
             let moments = |tolerance| {
                 let scheme = WeightScheme::Gaussian;
-                connection.scheme_moments_within(scheme, beta, normalization, tolerance).unwrap()
+                connection.pruned_moments(scheme, beta, normalization, tolerance).unwrap()
             };
             let dense =
                 connection.scheme_moments(WeightScheme::Gaussian, beta, normalization).unwrap();

@@ -3,7 +3,7 @@
 use crate::common;
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Chain, Consensus, Icp, Method, Metric, Refine, Register, Teaser};
+use cfreg::method::{Pipeline, Consensus, Icp, Method, Metric, Refine, Register, Teaser};
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{PointCloud, Transform};
@@ -48,7 +48,7 @@ proptest! {
             let fused = weigh(&connection, dim, normalization);
             let kernel = |d2: f64| 1.0 / (1.0 + d2 / beta(dim));
             let [from, to] = [sides[0].described(), sides[1].described()];
-            let exact = naive::weighed_moments(from, to, kernel, normalization, all);
+            let exact = naive::point_weighted_moments(from, to, kernel, normalization, all);
             let error = moments_differ_by(&exact, &fused);
             prop_assert!(error < 2e-6, "{normalization}: {error:e}");
         }
@@ -101,7 +101,7 @@ fn a_tolerance_leaves_nothing_out_beside_weights() {
     let connection = connect(&sides, [Some(&weights), None]);
     let moments = |tolerance| {
         let (scheme, none) = (WeightScheme::Gaussian, Normalization::None);
-        connection.scheme_moments_within(scheme, 0.5, none, tolerance).unwrap()
+        connection.pruned_moments(scheme, 0.5, none, tolerance).unwrap()
     };
     assert_eq!(moments(1e-2), moments(0.0));
 }
@@ -140,7 +140,7 @@ fn register(name: &str, [source, target]: &[PointCloud; 2]) -> Transform {
         "cfk" => method.with([("neighbors", 60.into()), ("detector", "iss".into())]).unwrap(),
         _ => method,
     };
-    Chain::new(method, vec![]).unwrap().register(source, target).unwrap().transform
+    Pipeline::new(method, vec![]).unwrap().register(source, target).unwrap().transform
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn what_counts_nothing_has_no_match_in_teaser() {
     let counts = |i: usize, every: usize| f64::from(u8::from(!i.is_multiple_of(every)));
     let left = (0..source.len()).filter(|&i| counts(i, 3) * counts(i, 5) > 0.0).count() as u64;
     let (source, target) = (weighed(&source, |i| counts(i, 3)), weighed(&target, |i| counts(i, 5)));
-    let given = Teaser::default().register_matches(&source, &target, &pairs).unwrap();
+    let given = Teaser::default().register_correspondences(&source, &target, &pairs).unwrap();
     assert_eq!(given.connections, left);
     // Two samples of the same points look alike point by point.
     let found = Teaser::default().register(&source, &target).unwrap();

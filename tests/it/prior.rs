@@ -2,8 +2,8 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cf, Chain, Consensus, Method, Register};
-use cfreg::pose::{Near, Prior, ScaleEstimate};
+use cfreg::method::{Cf, Pipeline, Consensus, Method, Register};
+use cfreg::pose::{RotationBound, Prior, ScaleEstimate};
 use cfreg::{Error, PointCloud, Transform};
 use serde_json::json;
 
@@ -46,7 +46,7 @@ fn a_rotation_stays_as_near_as_it_is_known() {
     let clouds = samples(1000, truth);
     for within_deg in [0.0, 3.0] {
         // Eight degrees away from the truth.
-        let near = Near { vector: [0.1, 0.05, 0.04], within_deg };
+        let near = RotationBound { vector: [0.1, 0.05, 0.04], within_deg };
         let prior = Prior { rotation: Some(near), ..Prior::default() };
         let center = Transform::from_rotation_vector(near.vector);
         for name in TAKE {
@@ -107,7 +107,7 @@ fn it_holds_through_refinements_and_is_refused_where_it_cannot() {
     let clouds = samples(1000, [0.0, 0.0, 0.2]);
     let prior = json!(Prior { direction: Some([[0.0, 0.0, 1.0]; 2]), ..Prior::default() });
     let with = |name: &str| name.parse::<Method>().unwrap().with([("prior", prior.clone())]);
-    let chain = Chain::new(with("cf").unwrap(), vec![with("gicp").unwrap()]).unwrap();
+    let chain = Pipeline::new(with("cf").unwrap(), vec![with("gicp").unwrap()]).unwrap();
     let found = chain.register(&clouds[0], &clouds[1]).unwrap().transform;
     assert!(math::norm(math::sub(found.rotate([0.0, 0.0, 1.0]), [0.0, 0.0, 1.0])) < 1e-9);
     let unknown = json!({ "axis": [0, 0, 1] });

@@ -4,7 +4,7 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cf, Describe, Register, Registration, Scale};
+use cfreg::method::{Cf, FeatureConfig, Register, Registration, DescriptorScale};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, quality};
@@ -12,8 +12,8 @@ use common::compare;
 use proptest::prelude::*;
 
 fn cf() -> Cf {
-    let describe = Describe { neighborhood: Neighborhood::Nearest(60), ..Describe::default() };
-    Cf { describe, ..Cf::default() }
+    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(60), ..FeatureConfig::default() };
+    Cf { features: describe, ..Cf::default() }
 }
 
 fn pair(seed: u64, points: usize) -> (PointCloud, PointCloud) {
@@ -222,24 +222,24 @@ fn clouds_without_common_surface_are_doubted() {
 #[test]
 fn more_neighbours_than_points_means_all_points() {
     let (source, target) = pair(0, 100);
-    let describe = Describe { neighborhood: Neighborhood::Nearest(5000), ..Describe::default() };
-    let found = Cf { describe, ..Cf::default() }.register(&source, &target).unwrap();
+    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(5000), ..FeatureConfig::default() };
+    let found = Cf { features: describe, ..Cf::default() }.register(&source, &target).unwrap();
     assert_eq!(found.points.source.neighbors, Some(100));
 }
 
 /// A scale with the normals of the first.
-fn scale(neighborhood: Neighborhood) -> Scale {
-    Scale { neighborhood, normal_neighborhood: None }
+fn scale(neighborhood: Neighborhood) -> DescriptorScale {
+    DescriptorScale { neighborhood, normal_neighborhood: None }
 }
 
 #[test]
 fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
     let truth = pose_of_pair();
     let sharp = Cf {
-        describe: Describe {
+        features: FeatureConfig {
             more_scales: vec![scale(Neighborhood::Nearest(120)), scale(Neighborhood::Nearest(240))],
             normal_neighborhood: Some(Neighborhood::Nearest(15)),
-            ..cf().describe
+            ..cf().features
         },
         beta: Some(Bandwidth::Auto(0.25)),
         normalization: Normalization::Both,
@@ -262,13 +262,13 @@ fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
 #[test]
 fn a_point_without_one_of_its_descriptors_is_not_connected() {
     let (source, target) = pair(0, 300);
-    let more = |n| Describe { more_scales: vec![scale(n)], ..cf().describe };
+    let more = |n| FeatureConfig { more_scales: vec![scale(n)], ..cf().features };
     let tiny = more(Neighborhood::Radius(0.09));
-    let found = Cf { describe: tiny, ..Cf::default() }.register(&source, &target).unwrap();
+    let found = Cf { features: tiny, ..Cf::default() }.register(&source, &target).unwrap();
     let described = found.points.source.described;
     assert!((10..300).contains(&described), "{described}");
     let refused =
-        Cf { describe: more(Neighborhood::Nearest(2)), ..Cf::default() }.register(&source, &target);
+        Cf { features: more(Neighborhood::Nearest(2)), ..Cf::default() }.register(&source, &target);
     assert!(matches!(refused, Err(Error::Config { field: "more_neighbors", .. })));
 }
 
@@ -293,8 +293,8 @@ fn settings_out_of_range_name_the_field() {
     };
     assert_eq!(field(Cf { beta: Some((-1.0).into()), ..cf() }), "beta");
     assert_eq!(field(Cf { weights: WeightScheme::StudentT(0.0), ..cf() }), "weights");
-    let describe = Describe { neighborhood: Neighborhood::Nearest(1), ..Describe::default() };
-    assert_eq!(field(Cf { describe, ..Cf::default() }), "neighbors");
+    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(1), ..FeatureConfig::default() };
+    assert_eq!(field(Cf { features, ..Cf::default() }), "neighbors");
 }
 
 #[test]

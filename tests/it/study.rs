@@ -9,7 +9,7 @@ use cfreg::Error;
 use cfreg::experiment::paper::cell::Shape;
 use cfreg::experiment::shape::boulder;
 use cfreg::experiment::study::{Options, Scenes, Scheme, Study, run};
-use cfreg::method::Describe;
+use cfreg::method::FeatureConfig;
 use cfreg::weight::Normalization;
 
 fn scenes() -> Scenes {
@@ -29,7 +29,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn a_scheme_of_ones_own_takes_part() {
-    let mine = Scheme::new("quartic", Describe::default(), |connection| {
+    let mine = Scheme::new("quartic", FeatureConfig::default(), |connection| {
         let kernel = |d2: f32| 1.0 / (1.0 + d2 * d2 * 1e-4);
         connection.moments(&kernel, Normalization::Both)
     });
@@ -54,7 +54,7 @@ fn a_scheme_of_ones_own_takes_part() {
 #[test]
 fn two_schemes_of_one_name_are_refused() {
     let twin = || {
-        Scheme::new("twin", Describe::default(), |c| {
+        Scheme::new("twin", FeatureConfig::default(), |c| {
             c.moments(&|d2: f32| (-d2).exp(), Normalization::None)
         })
     };

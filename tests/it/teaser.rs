@@ -50,7 +50,7 @@ fn exact() -> Teaser {
 
 impl Matched {
     fn solve(&self, teaser: &Teaser) -> Registration {
-        teaser.register_matches(&self.source, &self.target, &self.pairs).unwrap()
+        teaser.register_correspondences(&self.source, &self.target, &self.pairs).unwrap()
     }
 
     /// Greatest distance between where a pose and the truth put a source point, in the
@@ -100,7 +100,7 @@ fn scale_is_voted_for_when_asked() {
         let voted = problem.solve(&Teaser { estimate_scale: true, ..teaser.clone() });
         assert!((voted.transform.scale / scale - 1.0).abs() < 0.01, "{}", voted.transform.scale);
         assert!(problem.off_by(&voted.transform) < 2.0 * BOUND && voted.trusted);
-        match teaser.register_matches(&problem.source, &problem.target, &problem.pairs) {
+        match teaser.register_correspondences(&problem.source, &problem.target, &problem.pairs) {
             Ok(fixed) => assert!(!fixed.trusted, "{:?}", fixed.evaluation),
             Err(error) => assert!(matches!(error, Error::TooFewPoints { .. }), "{error}"),
         }
@@ -116,7 +116,7 @@ fn matches_may_repeat_but_must_be_there_and_span_a_plane() {
     assert_eq!(found.effective_connections, 2.0 * once.effective_connections);
     assert!(poses_differ_by(&found.transform, &once.transform) < 2e-3);
     let (source, target) = (&problem.source, &problem.target);
-    let solve = |pairs: &[(u32, u32)]| exact().register_matches(source, target, pairs);
+    let solve = |pairs: &[(u32, u32)]| exact().register_correspondences(source, target, pairs);
     for pairs in [&[(0, 0), (1, 1), (60, 2)], &[(0, 0), (1, 1), (2, 60)]] {
         assert!(matches!(solve(pairs), Err(Error::Shape { expected: 61, found: 60, .. })));
     }
@@ -129,7 +129,7 @@ fn matches_may_repeat_but_must_be_there_and_span_a_plane() {
     let line: Vec<_> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i), 0.0]).collect();
     let line = PointCloud::new(&line).unwrap();
     let pairs: Vec<_> = (0..20).map(|i| (i, i)).collect();
-    let error = exact().register_matches(&line, &line, &pairs).unwrap_err();
+    let error = exact().register_correspondences(&line, &line, &pairs).unwrap_err();
     assert!(matches!(error, Error::Degenerate { .. }), "{error}");
 }
 
@@ -147,7 +147,7 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
             problem.source.transformed(&motion).unwrap(),
             problem.target.transformed(&motion).unwrap(),
         );
-        let solve = |a, b| exact().register_matches(a, b, &problem.pairs).unwrap().transform;
+        let solve = |a, b| exact().register_correspondences(a, b, &problem.pairs).unwrap().transform;
         // The target moved: the pose moves with it. The source moved: it is undone first.
         let by_target = motion.inverse().after(&solve(&problem.source, &target));
         let by_source = solve(&source, &problem.target).after(&motion);
@@ -162,7 +162,7 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
         let clouds = [&problem.source, &problem.target].map(|c| c.transformed(&change).unwrap());
         let solve = |bound, clouds: [&PointCloud; 2]| {
             let teaser = Teaser { noise_bound: bound, ..Teaser::default() };
-            teaser.register_matches(clouds[0], clouds[1], &problem.pairs).unwrap().transform
+            teaser.register_correspondences(clouds[0], clouds[1], &problem.pairs).unwrap().transform
         };
         let given = solve(Some(BOUND * unit), [&clouds[0], &clouds[1]]);
         assert!(turned(&given, &still) < 1e-4, "{unit}");
@@ -172,7 +172,7 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
     }
     let mut shuffled = problem.pairs.clone();
     shuffled.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
-    let found = exact().register_matches(&problem.source, &problem.target, &shuffled).unwrap();
+    let found = exact().register_correspondences(&problem.source, &problem.target, &shuffled).unwrap();
     assert!(poses_differ_by(&found.transform, &still) < 1e-9);
 }
 
@@ -183,7 +183,7 @@ fn turned(a: &Transform, b: &Transform) -> f64 {
 /// For a whole object of two thousand points: the paper's 150 are a large part of it.
 fn by_descriptor() -> Teaser {
     let mut teaser = Teaser::default();
-    teaser.describe.neighborhood = Neighborhood::Nearest(80);
+    teaser.features.neighborhood = Neighborhood::Nearest(80);
     teaser
 }
 

@@ -57,7 +57,7 @@ fn every_round_is_that_of_the_reference() {
             ..Teaser::default()
         };
         let (source, target) = (cloud(&given.source), cloud(&given.target));
-        let found = teaser.register_matches(&source, &target, &pairs).unwrap();
+        let found = teaser.register_correspondences(&source, &target, &pairs).unwrap();
         let scale = found.transform.scale;
         assert!((scale / expected.scale - 1.0).abs() < ROUNDED, "{name}: {scale}");
         assert_eq!(found.trace.len(), expected.rounds.len(), "{name}");

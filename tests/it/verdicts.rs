@@ -3,13 +3,13 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Chain, Consensus, Icp, Method, Refine, Register};
+use cfreg::method::{Pipeline, Consensus, Icp, Method, Refine, Register};
 use cfreg::quality::{self, Decision, Warning};
 use cfreg::{PointCloud, Transform, filter};
 
-fn chain(first: &str, refinements: &[&str]) -> Chain {
+fn chain(first: &str, refinements: &[&str]) -> Pipeline {
     let refinements = refinements.iter().map(|name| name.parse().unwrap()).collect();
-    Chain::new(first.parse().unwrap(), refinements).unwrap()
+    Pipeline::new(first.parse().unwrap(), refinements).unwrap()
 }
 
 fn boulders(points: usize) -> (PointCloud, PointCloud, Transform) {
@@ -40,7 +40,7 @@ fn missing_returns_change_no_method() {
         let counts = [found.points.source, found.points.target].map(|end| end.no_returns);
         assert_eq!(counts, [400, 300], "{name}");
     }
-    let kept = chain("cf", &[]).keeping_no_returns().register(&marked[0], &marked[1]).unwrap();
+    let kept = chain("cf", &[]).keep_no_returns().register(&marked[0], &marked[1]).unwrap();
     // They are one place.
     assert_eq!((kept.points.source.no_returns, kept.points.source.used), (0, 601));
 }
@@ -110,7 +110,7 @@ fn icp_from_a_pose_that_is_given_is_not_drawn_away() {
     assert!(off(&found.transform) < 0.04, "{}", off(&found.transform));
     // A bound that is given counts.
     let icp = Method::Icp(Icp { max_distance: Some(100.0), ..Icp::default() });
-    let told = Chain::new(icp, Vec::new()).unwrap().with_initial(near).unwrap();
+    let told = Pipeline::new(icp, Vec::new()).unwrap().with_initial(near).unwrap();
     assert_eq!(told.register(&source, &target).unwrap().transform, unbounded.transform);
     assert!(chain("cf", &[]).with_initial(near).is_err());
 }
@@ -133,7 +133,7 @@ fn a_pose_that_a_refinement_moved_away_is_judged_anew() {
     let (source, target) = overlapping();
     // Pairs of any length draw the clouds onto each other.
     let unbounded = Method::Icp(Icp { max_distance: Some(10.0), ..Icp::default() });
-    let chain = Chain::new("consensus".parse().unwrap(), vec![unbounded]).unwrap();
+    let chain = Pipeline::new("consensus".parse().unwrap(), vec![unbounded]).unwrap();
     let found = chain.register(&source, &target).unwrap();
     let before = found.refined_from.as_ref().unwrap();
     let verdict = before.verdict.as_ref().unwrap();
@@ -155,7 +155,7 @@ fn a_refinement_has_a_verdict_of_its_own() {
     }
     // An answer that is continued has one, too.
     let begun = Consensus::default().register(&source, &target).unwrap();
-    let found = chain("consensus", &["icp"]).go_on(begun, &source, &target).unwrap();
+    let found = chain("consensus", &["icp"]).refine_from(begun, &source, &target).unwrap();
     assert!(found.verdict.is_some());
 }
 
@@ -178,7 +178,7 @@ fn wrong_poses_of_small_clouds_are_not_trusted() {
         let doubted = |doubt: &Warning| matches!(doubt, Warning::HighChanceFitness { .. });
         assert!(plain.doubts.iter().any(doubted), "{name}: {:?}", plain.evaluation);
         let judge = Consensus::default();
-        let judged = chain(name, &[]).with_verdict(judge).register(&source, &target).unwrap();
+        let judged = chain(name, &[]).with_verification(judge).register(&source, &target).unwrap();
         assert!(!judged.trusted, "{name}: {:?}", judged.verdict);
     }
 }
@@ -194,7 +194,7 @@ fn a_ball_on_itself_is_not_accepted() {
     };
     let ball = PointCloud::new(&(0..2400).map(at).collect::<Vec<Vec3>>()).unwrap();
     for name in ["consensus", "icp"] {
-        let chain = chain(name, &[]).with_verdict(Consensus::default());
+        let chain = chain(name, &[]).with_verification(Consensus::default());
         let found = chain.register(&ball, &ball).unwrap();
         let verdict = found.verdict.as_ref().unwrap();
         assert!(found.evaluation.chance_corrected_fitness() < 0.3, "{name}: {:?}", found.evaluation);
@@ -227,7 +227,7 @@ fn odd_clouds_with_a_pose_to_start_from_have_a_defined_result() {
 fn clouds_too_small_for_a_verdict_are_doubted() {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]];
     let cloud = PointCloud::new(&points).unwrap();
-    let icp = chain("icp", &[]).with_verdict(Consensus::default());
+    let icp = chain("icp", &[]).with_verification(Consensus::default());
     let found = icp.register(&cloud, &cloud).unwrap();
     assert!(!found.trusted);
     assert!(found.verdict.is_some() || found.doubts.contains(&Warning::NotVerified));

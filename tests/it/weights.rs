@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use cfreg::moments::{Described, FullConnection, Moments, naive};
+use cfreg::moments::{FeatureView, FullConnection, Moments, naive};
 use cfreg::pose::{self, RANK_TOLERANCE, ScaleEstimate, Solver};
 use cfreg::weight::{Bandwidth, Cauchy, Gaussian, Normalization, TruncatedQuadratic, Uniform};
 use cfreg::{Descriptors, Error, math};
@@ -192,7 +192,7 @@ fn assert_voices(moments: &Moments, side: &Side, weight: f64) {
     let share = weight / side.points.len() as f64;
     let mut points = Moments::about(side.origin, side.origin);
     side.points.iter().map(|p| p.map(f64::from)).for_each(|p| points.add_pair(share, p, p));
-    let found = naive::about(moments, side.origin, moments.target_origin);
+    let found = naive::shift_origins(moments, side.origin, moments.target_origin);
     let close = |found: f64, want: f64| (found - want).abs() < 2e-6 * weight;
     assert!(close(found.weight, weight), "{} {weight}", found.weight);
     assert!(close(found.source_squares, points.source_squares), "{found:?} {points:?}");
@@ -255,7 +255,7 @@ fn sides_that_do_not_fit_are_refused() {
     let narrow = Side::random(5, 7, 0.0, 1);
     let found = refused(described, narrow.described());
     assert!(matches!(found, Error::Shape { expected: DIM, found: 7, .. }), "{found}");
-    let short = Described { points: &side.points[1..], ..described };
+    let short = FeatureView { points: &side.points[1..], ..described };
     for found in [refused(short, described), refused(described, short)] {
         assert!(matches!(found, Error::Shape { expected: 4, found: 5, .. }), "{found}");
     }
@@ -264,6 +264,6 @@ fn sides_that_do_not_fit_are_refused() {
         assert!(matches!(found, Error::TooFewPoints { found: 0, needed: 1, .. }), "{found}");
     }
     let huge = Descriptors::new(DIM, [0.0, 0.0, 1e19, 0.0, 0.0].repeat(DIM)).unwrap();
-    let found = refused(described, Described { descriptors: &huge, ..described });
+    let found = refused(described, FeatureView { descriptors: &huge, ..described });
     assert!(matches!(found, Error::NonFinite { .. }), "{found}");
 }

@@ -29,7 +29,7 @@ use self::pages::Pages;
 pub(super) use self::write::write;
 use super::{Row, panics};
 use crate::error::{Error, Result};
-use crate::io::guard::Budget;
+use crate::io::limited_file::MemoryBudget;
 
 /// Under which a file has what its run was asked for.
 const KEY: &str = "cfreg";
@@ -140,7 +140,7 @@ impl<'a> Closed<'a> {
             return Err(wrong(path, what));
         }
         let names = footer.leaves.iter().map(named).collect();
-        Ok(Table { path, file: self.file, footer, names, budget: Budget::new(self.size) })
+        Ok(Table { path, file: self.file, footer, names, budget: MemoryBudget::new(self.size) })
     }
 }
 
@@ -151,7 +151,7 @@ struct Table<'a> {
     footer: Footer,
     /// Names of the columns that are there.
     names: Vec<String>,
-    budget: Budget,
+    budget: MemoryBudget,
 }
 
 impl Table<'_> {
@@ -179,7 +179,7 @@ impl Table<'_> {
                 let pages =
                     Pages::new(bytes.into(), chunk.snappy, group.rows, physical, leaf.optional);
                 let pages = pages.map_err(refuse)?;
-                budget.take(pages.memory()).map_err(refuse)?;
+                budget.reserve(pages.memory()).map_err(refuse)?;
                 if physical == Physical::Text {
                     longest = longest.max(pages.largest().min(TEXT));
                 }

@@ -28,13 +28,13 @@ impl PointCloud {
     /// [`with_weights`](Self::with_weights).
     pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
         let Attributes { normals, weights, channels } = attributes;
-        one_a_point("normals", normals.map(<[Vec3]>::len), points.len())?;
-        one_a_point("weights", weights.map(<[f64]>::len), points.len())?;
+        check_row_count("normals", normals.map(<[Vec3]>::len), points.len())?;
+        check_row_count("weights", weights.map(<[f64]>::len), points.len())?;
         channels.map_or(Ok(()), |channels| channels.check(points.len()))?;
         let mut cloud = Self::new(points)?;
         let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
         let kept: Vec<usize> = (0..points.len()).filter(finite).collect();
-        cloud.normals = normals.map(|normals| kept.iter().map(|&i| unit(normals[i])).collect());
+        cloud.normals = normals.map(|normals| kept.iter().map(|&i| normalize_normal(normals[i])).collect());
         if let Some(channels) = channels {
             cloud.channels = channels.map(|values| kept.iter().map(|&i| values[i]).collect());
         }
@@ -55,7 +55,7 @@ impl PointCloud {
         channels: Channels,
         dropped: usize,
     ) -> Result<Self> {
-        one_a_point("normals", normals.as_ref().map(Vec::len), self.len())?;
+        check_row_count("normals", normals.as_ref().map(Vec::len), self.len())?;
         PointCloud { normals, dropped, ..self }.with_channels(channels)
     }
 
@@ -74,7 +74,7 @@ impl PointCloud {
     /// # Ok::<(), cfreg::Error>(())
     /// ```
     pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self> {
-        one_a_point("weights", Some(weights.len()), self.len())?;
+        check_row_count("weights", Some(weights.len()), self.len())?;
         let weights: Vec<f32> = weights.into_iter().map(|weight| weight as f32).collect();
         check_weights(&weights, "weights of the points of a cloud")?;
         if !weights.is_empty() && weights.iter().all(|&weight| weight == 0.0) {
@@ -112,7 +112,7 @@ impl PointCloud {
     }
 
     /// The points that count: the cloud itself, without those of weight 0.
-    pub(crate) fn counting(&self) -> Cow<'_, PointCloud> {
+    pub(crate) fn with_positive_weights(&self) -> Cow<'_, PointCloud> {
         match self.weights() {
             Some(weights) if weights.contains(&0.0) => {
                 let above: Vec<usize> = (0..self.len()).filter(|&i| weights[i] > 0.0).collect();
@@ -134,7 +134,7 @@ impl PointCloud {
 }
 
 /// Refuses another number of `what` than one a point, where there are any.
-pub(super) fn one_a_point(what: &str, found: Option<usize>, points: usize) -> Result<()> {
+pub(super) fn check_row_count(what: &str, found: Option<usize>, points: usize) -> Result<()> {
     match found {
         Some(found) if found != points => {
             let what = format!("{what} for the points of a cloud");
@@ -156,7 +156,7 @@ pub(crate) fn check_weights(weights: &[f32], what: &str) -> Result<()> {
 }
 
 /// `normal` at unit length in f32; zero when it has no direction.
-pub(crate) fn unit(normal: Vec3) -> [f32; 3] {
+pub(crate) fn normalize_normal(normal: Vec3) -> [f32; 3] {
     let unit = math::normalized(normal).map(|x| x as f32);
     if unit.iter().all(|x| x.is_finite()) { unit } else { [0.0; 3] }
 }
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(back.weights(), Some(&[4.0, 1.0][..]));
         assert_eq!(back.channels().get("red"), Some(&[0.4, 0.1][..]));
         assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
-        assert_eq!(cloud.counting().len(), 2);
+        assert_eq!(cloud.with_positive_weights().len(), 2);
         assert_eq!(back.relative_weights().unwrap(), [1.6, 0.4]);
     }
 

@@ -5,21 +5,21 @@ mod origin;
 mod parts;
 
 pub use attributes::Attributes;
-pub(crate) use attributes::{check_weights, unit};
+pub(crate) use attributes::{check_weights, normalize_normal};
 pub use parts::Parts;
 
-use self::origin::{DIGITS, FAR, exponent, local, snapped};
+use self::origin::{DIGITS, MIN_OFFSET_FACTOR, exponent, to_local, round_origin};
 use crate::cloud::{Channels, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
 /// The largest coordinate: fourth powers, which areas and covariances take, stay finite in f64
 /// (1e300).
-const LARGEST: f64 = 1e75;
+const MAX_COORDINATE: f64 = 1e75;
 
 /// The first coordinate of a point that is finite and yet too large to compute with.
-pub(crate) fn too_large(point: Vec3) -> Option<f64> {
-    point.into_iter().find(|x| x.is_finite() && x.abs() > LARGEST)
+pub(crate) fn find_too_large(point: Vec3) -> Option<f64> {
+    point.into_iter().find(|x| x.is_finite() && x.abs() > MAX_COORDINATE)
 }
 
 /// Points, optionally with unit normals, weights, named channels and the place they were seen
@@ -64,7 +64,7 @@ impl PointCloud {
     /// ```
     pub fn new(points: &[[f64; 3]]) -> Result<Self> {
         let finite = |p: &&[f64; 3]| p.iter().all(|x| x.is_finite());
-        let far = |(index, &p)| finite(&&p).then(|| Some((index, too_large(p)?))).flatten();
+        let far = |(index, &p)| finite(&&p).then(|| Some((index, find_too_large(p)?))).flatten();
         match points.iter().enumerate().find_map(far) {
             Some((index, value)) => Err(Error::Coordinate { index, value }),
             None => Self::from_finite(points.iter().filter(finite).copied(), points.len()),
@@ -99,7 +99,7 @@ impl PointCloud {
             count += 1;
             for axis in 0..3 {
                 // Points that a transform blew up may be NaN, too.
-                bounded &= p[axis].abs() <= LARGEST;
+                bounded &= p[axis].abs() <= MAX_COORDINATE;
                 low[axis] = low[axis].min(p[axis]);
                 high[axis] = high[axis].max(p[axis]);
             }
@@ -115,10 +115,10 @@ impl PointCloud {
             return Err(Error::Extent { extent });
         }
         let center = math::scaled(math::add(low, high), 0.5);
-        let origin = snapped(center, extent, 1.0);
-        let frame_origin = snapped(center, extent, FAR);
+        let origin = round_origin(center, extent, 1.0);
+        let frame_origin = round_origin(center, extent, MIN_OFFSET_FACTOR);
         let digits = 10f64.powi((DIGITS - exponent(extent)).clamp(-300, 300));
-        let local = |p: Vec3| [0, 1, 2].map(|axis| local(p[axis], origin[axis], digits));
+        let local = |p: Vec3| [0, 1, 2].map(|axis| to_local(p[axis], origin[axis], digits));
         // As many as there are, and no room for more.
         let mut kept: Vec<[f32; 3]> = Vec::with_capacity(count);
         kept.extend(points.map(local));
@@ -132,7 +132,7 @@ impl PointCloud {
     /// # Errors
     /// [`Error::Config`] when a coordinate of it is not finite, or beyond 1e75.
     pub fn with_viewpoint(mut self, viewpoint: Vec3) -> Result<Self> {
-        if viewpoint.iter().any(|x| !x.is_finite()) || too_large(viewpoint).is_some() {
+        if viewpoint.iter().any(|x| !x.is_finite()) || find_too_large(viewpoint).is_some() {
             let value = format!("{viewpoint:?}");
             let rule = "every coordinate must be finite, and within 1e75 of zero";
             return Err(Error::config("viewpoint", value, rule));
@@ -214,7 +214,7 @@ impl PointCloud {
     }
 
     /// The cloud from which so many more rows were left out because they marked missing returns.
-    pub(crate) fn counting_no_returns(mut self, rows: usize) -> Self {
+    pub(crate) fn with_no_returns(mut self, rows: usize) -> Self {
         self.no_returns += rows;
         self
     }
@@ -266,7 +266,7 @@ impl PointCloud {
     ///
     /// # Errors
     /// Those of [`with_attributes`](Self::with_attributes).
-    pub fn replaced(&self, points: &[[f64; 3]], has: Attributes<'_>) -> Result<PointCloud> {
+    pub fn with_points(&self, points: &[[f64; 3]], has: Attributes<'_>) -> Result<PointCloud> {
         let new = Self::with_attributes(points, has)?;
         Ok(PointCloud {
             frame_origin: self.frame_origin,

@@ -3,13 +3,13 @@
 use crate::math::Vec3;
 
 /// Sizes from zero at which a frame's own zero stops meaning a viewpoint.
-pub(super) const FAR: f64 = 100.0;
+pub(super) const MIN_OFFSET_FACTOR: f64 = 100.0;
 
 /// `center` rounded to multiples of `factor` times the power of ten at or above `extent`.
 ///
 /// For steps of 1 and more the multiples are exact in f64; below, the division
 /// by a whole power of ten is correctly rounded, so equal multiples are equal bits.
-pub(super) fn snapped(center: Vec3, extent: f64, factor: f64) -> Vec3 {
+pub(super) fn round_origin(center: Vec3, extent: f64, factor: f64) -> Vec3 {
     if extent == 0.0 {
         return center;
     }
@@ -38,7 +38,7 @@ pub(super) const DIGITS: i32 = 8;
 /// Beside a map offset f64 has lost the last digits of `x`. Where a number with few
 /// decimals (a multiple of 1/`digits`) lies within that loss, it is what was written, and
 /// taking it gives the same bits as without the offset.
-pub(super) fn local(x: f64, origin: f64, digits: f64) -> f32 {
+pub(super) fn to_local(x: f64, origin: f64, digits: f64) -> f32 {
     let local = x - origin;
     if origin == 0.0 {
         return local as f32;

@@ -1,7 +1,7 @@
 //! A cloud taken apart and put together, to be kept elsewhere.
 
 use super::PointCloud;
-use super::attributes::{check_weights, one_a_point};
+use super::attributes::{check_weights, check_row_count};
 use crate::cloud::Channels;
 use crate::error::{Error, Result};
 use crate::math::Vec3;
@@ -92,9 +92,9 @@ impl Parts {
             return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
         }
         self.channels.check(self.points.len())?;
-        one_a_point("normals", self.normals.as_ref().map(Vec::len), self.points.len())?;
+        check_row_count("normals", self.normals.as_ref().map(Vec::len), self.points.len())?;
         let Some(weights) = &self.weights else { return Ok(()) };
-        one_a_point("weights", Some(weights.len()), self.points.len())?;
+        check_row_count("weights", Some(weights.len()), self.points.len())?;
         check_weights(weights, "weights of the points of a cloud")
     }
 }

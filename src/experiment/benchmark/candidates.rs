@@ -52,7 +52,7 @@ pub fn write(
 ) -> Result<usize> {
     let failed = |error: csv::Error| Error::io(output, std::io::Error::other(error));
     let system = |error| Error::io(output, error);
-    let file = outputs::beside(output).map_err(system)?;
+    let file = outputs::create_temporary(output).map_err(system)?;
     let mut table = csv::Writer::from_writer(file.as_file());
     let (mut clouds, mut written) = (Clouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::{Pair, Row, Settings};
 use crate::error::{Error, Result};
 use crate::io;
-use crate::io::guard::{self, Guarded};
+use crate::io::limited_file::{self, LimitedFile};
 
 /// Rows in a file, and those that join them.
 #[derive(Default)]
@@ -34,13 +34,13 @@ impl Kept {
                                settings: name another file, or move it";
         let mut text = String::new();
         if there {
-            let (mut start, mut line) = (BufReader::new(Guarded::open(path)?), Vec::new());
+            let (mut start, mut line) = (BufReader::new(LimitedFile::open(path)?), Vec::new());
             // Before all of what may be anything is read.
-            let read = guard::line(&mut start, &mut line);
+            let read = limited_file::read_line(&mut start, &mut line);
             if read.is_err() || !(line == first.as_bytes() || first.as_bytes().starts_with(&line)) {
                 return refuse(FOREIGN);
             }
-            text = guard::text(path, MOST, "a table of rows")?;
+            text = limited_file::read_text(path, MOST, "a table of rows")?;
         }
         if !first.starts_with(&text) && !text.starts_with(&first) {
             return refuse(FOREIGN);

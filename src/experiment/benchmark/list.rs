@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
-use crate::io::guard::{self, Guarded};
-use crate::io::{Sheet, shown};
+use crate::io::limited_file::{self, LimitedFile};
+use crate::io::{CsvReader, quote_start};
 
 /// Two clouds and the pose between them.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,12 +29,12 @@ impl Pair {
     /// Bytes of memory that it takes in a list.
     fn bytes(&self) -> usize {
         let texts = [self.source.as_os_str().len(), self.target.as_os_str().len()];
-        guard::GROWING * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
+        limited_file::GROWTH_FACTOR * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
     }
 }
 
 /// A table of pairs with poses, read by the names of its columns.
-pub(super) struct Table(Sheet);
+pub(super) struct Table(CsvReader);
 
 impl Table {
     /// Opens it before its first row.
@@ -42,7 +42,7 @@ impl Table {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
     pub(super) fn open(path: &Path) -> Result<Table> {
-        let sheet = Sheet::open(path)?;
+        let sheet = CsvReader::open(path)?;
         let entries = (0..16).map(entry);
         for name in ["source", "target"].into_iter().map(String::from).chain(entries) {
             sheet.column(&name)?;
@@ -63,7 +63,7 @@ impl Table {
     /// # Errors
     /// [`Error::Parse`] where the table takes more than its size allows.
     pub(super) fn take(&mut self, bytes: usize) -> Result<()> {
-        self.0.take(bytes)
+        self.0.reserve_memory(bytes)
     }
 
     /// What stands under `name`; empty where nothing does.
@@ -77,7 +77,7 @@ impl Table {
             "" => Ok(None),
             text => match text.parse() {
                 Ok(number) => Ok(Some(number)),
-                Err(_) => Err(self.wrong(format!("{name} is {}, no number", shown(text)))),
+                Err(_) => Err(self.wrong(format!("{name} is {}, no number", quote_start(text)))),
             },
         }
     }
@@ -97,7 +97,7 @@ impl Table {
 
     /// An error in this row.
     pub(super) fn wrong(&self, what: String) -> Error {
-        self.0.wrong(what)
+        self.0.parse_error(what)
     }
 
     /// The line of the current row.
@@ -126,7 +126,7 @@ fn entry(k: usize) -> String {
 /// [`Error::Io`], and [`Error::Parse`] with the line that cannot be understood.
 pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     let pairs = match path.extension().is_some_and(|end| end == "log") {
-        true => log(path, BufReader::new(Guarded::open(path)?))?,
+        true => log(path, BufReader::new(LimitedFile::open(path)?))?,
         false => table(path, folder)?,
     };
     if pairs.is_empty() {
@@ -149,7 +149,7 @@ fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
             "" | "m" => 1.0,
             "cm" => 0.01,
             "mm" => 0.001,
-            other => return Err(row.wrong(format!("unit {}: must be m, cm or mm", shown(other)))),
+            other => return Err(row.wrong(format!("unit {}: must be m, cm or mm", quote_start(other)))),
         };
         let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
         let pair = Pair {
@@ -173,12 +173,12 @@ fn numbers(
     line: &mut usize,
 ) -> Result<Option<(usize, Vec<f64>)>> {
     let mut bytes = Vec::new();
-    while guard::line(reader, &mut bytes).map_err(|error| Error::io(path, error))? {
+    while limited_file::read_line(reader, &mut bytes).map_err(|error| Error::io(path, error))? {
         *line += 1;
         let text = std::str::from_utf8(&bytes).map_err(|_| parse(path, *line, "is not text"))?;
         // A row of a pose has four, the line before it two or more.
         let words = text.split_whitespace().take(5).map(|word| {
-            word.parse().map_err(|_| parse(path, *line, format!("{} is no number", shown(word))))
+            word.parse().map_err(|_| parse(path, *line, format!("{} is no number", quote_start(word))))
         });
         let numbers = words.collect::<Result<Vec<f64>>>()?;
         if !numbers.is_empty() {

@@ -23,10 +23,10 @@ pub use rule::Rule;
 
 use self::clouds::Clouds;
 use self::kept::Kept;
-use crate::cloud::{PointCloud, Transform, Viewpoints};
+use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::math::{self, Vec3};
-use crate::method::{Chain, Register, Registration};
+use crate::method::{Pipeline, Register, Registration};
 use crate::quality::Decision;
 
 /// How pairs are run.
@@ -38,7 +38,7 @@ pub struct Settings {
     /// Seed of the motions.
     pub seed: u64,
     /// Where the sensors stood.
-    pub viewpoints: Viewpoints,
+    pub viewpoints: ViewpointSource,
     /// When a pose is right; default by the size of the source ([`Rule::of_size`]).
     pub rule: Option<Rule>,
     /// Points that clouds are thinned to at random, 0 for all.
@@ -47,7 +47,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let viewpoints = Viewpoints::default();
+        let viewpoints = ViewpointSource::default();
         Settings { moved: true, seed: 0, viewpoints, rule: None, points: 0 }
     }
 }
@@ -93,10 +93,10 @@ pub struct Row {
 ///
 /// # Errors
 /// Those of its parts and of [`Chain::new`].
-pub fn method(name: &str) -> Result<Chain> {
+pub fn method(name: &str) -> Result<Pipeline> {
     let mut parts = name.split('+').map(str::parse);
     let first = parts.next().unwrap_or_else(|| "".parse())?;
-    Chain::new(first, parts.collect::<Result<_>>()?)
+    Pipeline::new(first, parts.collect::<Result<_>>()?)
 }
 
 /// Runs `methods` over `pairs` and gives a row for each pair and method, in order.
@@ -115,7 +115,7 @@ pub fn run(
     output: Option<&Path>,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Vec<Row>> {
-    let chains = methods.iter().map(|name| method(name)).collect::<Result<Vec<Chain>>>()?;
+    let chains = methods.iter().map(|name| method(name)).collect::<Result<Vec<Pipeline>>>()?;
     let mut kept = match output {
         Some(path) => Kept::open(path, &settings)?,
         None => Kept::default(),
@@ -170,7 +170,7 @@ impl Posed {
 fn one(
     pair: &Pair,
     number: usize,
-    (name, chain): (&str, &Chain),
+    (name, chain): (&str, &Pipeline),
     settings: Settings,
     clouds: &mut Clouds,
 ) -> Result<Row> {
@@ -213,7 +213,7 @@ pub struct Again {
 ///
 /// # Errors
 /// Those of reading clouds, and of the method.
-pub fn again(pair: &Pair, number: usize, method: &Chain, settings: Settings) -> Result<Again> {
+pub fn again(pair: &Pair, number: usize, method: &Pipeline, settings: Settings) -> Result<Again> {
     let Posed { moved, target, motion, .. } =
         Posed::new(pair, number, settings, &mut Clouds::default())?;
     let found = method.register(&moved, &target)?;

@@ -7,8 +7,8 @@ use super::list::Table;
 use super::{Clouds, Pair, Row, Rule, Settings};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
-use crate::io::guard::GROWING;
-use crate::io::shown;
+use crate::io::limited_file::GROWTH_FACTOR;
+use crate::io::quote_start;
 
 /// Most programs that are compared at once. Chosen by hand.
 const PROGRAMS: usize = 1000;
@@ -54,7 +54,7 @@ impl Poses {
             if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
                 let answer = Answer::of(&row)?;
                 let bytes = key.each_ref().map(|path| path.as_os_str().len()).iter().sum::<usize>();
-                row.take(GROWING * size_of::<Answer>() + answer.method.len() + bytes)?;
+                row.take(GROWTH_FACTOR * size_of::<Answer>() + answer.method.len() + bytes)?;
                 if !poses.methods.contains(&answer.method) {
                     if poses.methods.len() == PROGRAMS {
                         return Err(row.wrong(format!("there are more than {PROGRAMS} methods")));
@@ -126,7 +126,7 @@ impl Answer {
         let accepted = match row.word("accepted") {
             "" => pose.is_some(),
             word => word.parse().map_err(|_| {
-                row.wrong(format!("accepted is {}: must be true or false", shown(word)))
+                row.wrong(format!("accepted is {}: must be true or false", quote_start(word)))
             })?,
         };
         let method = row.word("method").to_string();

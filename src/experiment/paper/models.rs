@@ -187,6 +187,6 @@ fn seen_side(mut mesh: Mesh, degrees: u32) -> Result<Mesh> {
         let turned = [-UNIT, UNIT, -UNIT];
         *vertex = [0, 1, 2].map(|axis| turned[axis] * (vertex[axis] - middle[axis]));
     }
-    let seen = mesh.seen_from(sensor(degrees))?;
-    mesh.only(&seen)
+    let seen = mesh.visible_faces(sensor(degrees))?;
+    mesh.select_faces(&seen)
 }

@@ -43,7 +43,7 @@ impl Variation {
         match (self, &mut method) {
             (Variation::NoiseBound(bound), Method::Teaser(teaser)) => teaser.noise_bound = bound,
             (Variation::Beta(beta), Method::Cf(cf)) => cf.beta = Some(beta.into()),
-            (Variation::Beta(beta), Method::Cfk(cfk)) => cfk.connection.beta = Some(beta.into()),
+            (Variation::Beta(beta), Method::Cfk(cfk)) => cfk.cf.beta = Some(beta.into()),
             (Variation::Keypoints(sift), Method::Cfk(cfk)) => {
                 cfk.keypoints = Keypoints::Sift(sift);
             }

@@ -2,7 +2,7 @@
 
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
-use crate::method::{Describe, Scale};
+use crate::method::{FeatureConfig, DescriptorScale};
 use crate::moments::{FullConnection, Moments};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -24,7 +24,7 @@ pub struct Scheme {
     /// What tables call it; no two may share a name.
     pub name: String,
     /// How points are described.
-    pub describe: Describe,
+    pub describe: FeatureConfig,
     /// Where it stands in the grid; `None` for one's own.
     pub(super) place: Option<Place>,
     weigh: Box<Weigh>,
@@ -36,7 +36,7 @@ impl Scheme {
     /// A scheme of one's own.
     pub fn new(
         name: impl Into<String>,
-        describe: Describe,
+        describe: FeatureConfig,
         weigh: impl Fn(&FullConnection) -> Result<Moments> + Send + Sync + 'static,
     ) -> Self {
         Scheme { name: name.into(), describe, place: None, weigh: Box::new(weigh) }
@@ -103,19 +103,19 @@ impl Points {
     };
 
     /// As a setting of the methods.
-    pub fn describe(self) -> Describe {
+    pub fn describe(self) -> FeatureConfig {
         let nearest = Neighborhood::Nearest;
         let (k, normals) = self.scales[0];
-        let scale = |&(k, normals): &(usize, Option<usize>)| Scale {
+        let scale = |&(k, normals): &(usize, Option<usize>)| DescriptorScale {
             neighborhood: nearest(k),
             normal_neighborhood: Some(nearest(normals.unwrap_or(k))),
         };
-        Describe {
+        FeatureConfig {
             neighborhood: nearest(k),
             normal_neighborhood: normals.map(nearest),
             more_scales: self.scales[1..].iter().map(scale).collect(),
             histogram: self.histogram,
-            ..Describe::default()
+            ..FeatureConfig::default()
         }
     }
 
@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn the_papers_place_and_the_best_are_methods() {
         for (place, cf) in [(Place::PAPER, Cf::default()), (Place::BEST, Cf::multiscale())] {
-            assert_eq!(place.points.describe(), cf.describe);
+            assert_eq!(place.points.describe(), cf.features);
             assert_eq!(place.beta, cf.bandwidth());
             assert_eq!((place.kernel, place.normalize), (cf.weights, cf.normalization));
         }

@@ -7,7 +7,7 @@ use super::scheme::Scheme;
 use crate::error::{Error, Result};
 use crate::experiment::paper::cell::Shape;
 use crate::experiment::protocol::{REVISION, Trial};
-use crate::method::{Describe, Method, Register, Timings};
+use crate::method::{FeatureConfig, Method, Register, Timings};
 use crate::moments::FullConnection;
 use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
@@ -115,7 +115,7 @@ pub(super) fn run(
 /// A trial, and its full connections by how points are described.
 struct Pair<'a> {
     trial: &'a Trial,
-    connections: Vec<(Describe, FullConnection)>,
+    connections: Vec<(FeatureConfig, FullConnection)>,
 }
 
 impl Pair<'_> {
@@ -131,14 +131,14 @@ impl Pair<'_> {
         }
     }
 
-    fn connection(&mut self, describe: &Describe) -> Result<&FullConnection> {
+    fn connection(&mut self, describe: &FeatureConfig) -> Result<&FullConnection> {
         let at = match self.connections.iter().position(|(known, _)| known == describe) {
             Some(at) => at,
             None => {
                 let mut times = Timings::default();
-                let source = describe.prepare(&self.trial.source, "the source", &mut times)?;
-                let target = describe.prepare(&self.trial.target, "the target", &mut times)?;
-                let made = FullConnection::new(source.described(), target.described())?;
+                let source = describe.extract(&self.trial.source, "the source", &mut times)?;
+                let target = describe.extract(&self.trial.target, "the target", &mut times)?;
+                let made = FullConnection::new(source.view(), target.view())?;
                 self.connections.push((describe.clone(), made));
                 self.connections.len() - 1
             }

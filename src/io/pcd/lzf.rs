@@ -4,7 +4,7 @@
 pub(super) const EXPANSION: u64 = 88;
 
 /// The `size` bytes that `packed` unpacks to; the error says what is wrong with it.
-pub(super) fn unpack(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
+pub(super) fn decompress(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::with_capacity(size);
     let mut rest = packed;
     while let Some((&first, after)) = rest.split_first() {
@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn runs_and_references_are_unpacked() {
         let packed = [2, b'a', b'b', b'c', 0x20, 2, 0xe0, 1, 0];
-        assert_eq!(unpack(&packed, 16).unwrap(), b"abcabccccccccccc"[..16].to_vec());
+        assert_eq!(decompress(&packed, 16).unwrap(), b"abcabccccccccccc"[..16].to_vec());
         for (packed, size, cause) in [
             (&[5, 1][..], 6, "literal run"),
             (&[0x20], 3, "cut off"),
@@ -63,7 +63,7 @@ mod tests {
             (&[0, 7], 2, "1 bytes instead of 2"),
             (&[], 1, "0 bytes instead of 1"),
         ] {
-            let error = unpack(packed, size).unwrap_err();
+            let error = decompress(packed, size).unwrap_err();
             assert!(error.contains(cause), "{error}");
         }
     }
@@ -71,9 +71,9 @@ mod tests {
     #[test]
     fn three_bytes_become_264_at_most() {
         let packed = [&[0, 7][..], &[0xff, 0xff, 0].repeat(10)].concat();
-        assert!(unpack(&packed, 2641).is_err(), "there is nothing so far back");
+        assert!(decompress(&packed, 2641).is_err(), "there is nothing so far back");
         let packed = [&[0, 7][..], &[0xe0, 0xff, 0].repeat(10)].concat();
-        assert_eq!(unpack(&packed, 2641).unwrap(), [7; 2641]);
+        assert_eq!(decompress(&packed, 2641).unwrap(), [7; 2641]);
         assert!(2641 <= packed.len() as u64 * EXPANSION);
     }
 }

@@ -5,26 +5,26 @@
 //! float x of 5600000.3 becomes 5600000.5) without saying which line was wrong. Files are written
 //! here, because its writer panics when it is dropped after an error.
 
-mod head;
+mod header;
 mod lzf;
 
 use std::io::{self, Write};
 
 use pcd_rs::{DataKind, PcdMeta, ValueKind};
 
-use self::head::Head;
-use super::columns::{Columns, Kind, Vertex};
-use super::differences::{Differences, short};
-use super::fault::{Fault, check_claim, most_memory};
-use super::layout::{Layout, Stored, is_single, write_binary};
+use self::header::PcdHeader;
+use super::columns::{ColumnMap, ColumnKind, Vertex};
+use super::differences::{Differences, truncate_name};
+use super::content_error::{ContentError, check_claim, max_memory};
+use super::layout::{FieldLayout, FieldData, is_single, write_binary};
 use super::lines::Lines;
-use super::table::Table;
-use crate::cloud::{PointCloud, too_large};
+use super::table::PointTable;
+use crate::cloud::{PointCloud, find_too_large};
 
 /// Reads the points. A viewpoint of 0 0 0 is what writers put when they know none,
 /// and is taken so.
-pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
-    let head = Head::parse(content)?;
+pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
+    let head = PcdHeader::parse(content)?;
     let meta = PcdMeta::from_reader(head.text.as_bytes()).map_err(|error| head.fault(error))?;
     let count = meta.num_points;
     if meta.width.checked_mul(meta.height) != Some(count) {
@@ -33,52 +33,52 @@ pub(super) fn parse(content: &[u8]) -> Result<Table, Fault> {
         return Err(head.at("POINTS", what));
     }
     let viewpoint = [meta.viewpoint.tx, meta.viewpoint.ty, meta.viewpoint.tz];
-    if let Some(value) = too_large(viewpoint) {
+    if let Some(value) = find_too_large(viewpoint) {
         let what = format!("VIEWPOINT has {value:e}, expected numbers within 1e75 of zero");
         return Err(head.at("VIEWPOINT", what));
     }
     // A field of several values is no coordinate, and padding is not in a record.
     let fields = || meta.field_defs.iter().filter(|field| !field.is_padding());
     let names = fields().map(|field| (field.count == 1).then_some(field.name.as_str()));
-    let columns = Columns::named(names).map_err(|what| head.at("FIELDS", what))?;
+    let columns = ColumnMap::from_names(names).map_err(|what| head.at("FIELDS", what))?;
     let kinds: Vec<(ValueKind, Option<bool>)> =
         fields().map(|field| (field.kind, packs_alpha(&field.name))).collect();
-    let columns = columns.of_kinds(|_, column| match kinds[column] {
+    let columns = columns.with_kinds(|_, column| match kinds[column] {
         (ValueKind::F32, Some(alpha)) if meta.data == DataKind::Ascii => {
-            Kind::PackedFloat { alpha }
+            ColumnKind::PackedFloat { alpha }
         }
-        (ValueKind::F32 | ValueKind::U32 | ValueKind::I32, Some(alpha)) => Kind::Packed { alpha },
-        _ => Kind::Number,
+        (ValueKind::F32 | ValueKind::U32 | ValueKind::I32, Some(alpha)) => ColumnKind::Packed { alpha },
+        _ => ColumnKind::Number,
     });
 
     let body = &content[head.bytes..];
-    let at_body = |what| Fault::byte(head.bytes, what);
+    let at_body = |what| ContentError::byte(head.bytes, what);
     let record = record_size(&meta);
-    let limit = most_memory(content.len());
+    let limit = max_memory(content.len());
     let table = match (count, meta.data) {
-        (0, _) => Table::new(0, &columns),
+        (0, _) => PointTable::new(0, &columns),
         (_, DataKind::Ascii) => parse_ascii(content, &head, &meta, columns)?,
         (_, DataKind::Binary) => {
             check_claim("points", count, record, body.len()).map_err(at_body)?;
-            parse_binary(body, Order::Points, &meta, &columns, limit).map_err(at_body)?
+            parse_binary(body, FieldOrder::Points, &meta, &columns, limit).map_err(at_body)?
         }
         (_, DataKind::BinaryCompressed) => {
             let (packed, size) = check_compressed(body, count, record, limit).map_err(at_body)?;
             let what = |what| at_body(format!("the points cannot be unpacked: {what}"));
-            let bytes = lzf::unpack(packed, size).map_err(what)?;
-            parse_binary(&bytes, Order::Fields, &meta, &columns, limit).map_err(at_body)?
+            let bytes = lzf::decompress(packed, size).map_err(what)?;
+            parse_binary(&bytes, FieldOrder::Fields, &meta, &columns, limit).map_err(at_body)?
         }
     };
-    let table = table.without(differences(&head, &meta));
-    Ok(table.seen_from((viewpoint != [0.0; 3]).then_some(viewpoint)))
+    let table = table.with_differences(differences(&head, &meta));
+    Ok(table.with_viewpoint((viewpoint != [0.0; 3]).then_some(viewpoint)))
 }
 
 /// The parts of the file that a cloud does not have, whatever its points are.
-fn differences(head: &Head, meta: &PcdMeta) -> Differences {
+fn differences(head: &PcdHeader, meta: &PcdMeta) -> Differences {
     let mut differences = Differences::default();
     differences.leave_out_all(head.comments, "comment");
     for field in meta.field_defs.iter().filter(|field| !field.is_padding() && field.count > 1) {
-        let name = short(&field.name);
+        let name = truncate_name(&field.name);
         differences.leave_out(format!("{name} ({} values a point)", field.count));
     }
     if meta.height > 1 {
@@ -105,7 +105,7 @@ fn packs_alpha(name: &str) -> Option<bool> {
 pub(super) fn write(
     out: &mut dyn Write,
     cloud: &PointCloud,
-    layout: &Layout<'_>,
+    layout: &FieldLayout<'_>,
 ) -> io::Result<()> {
     let (mut names, mut sizes, mut types) = ("x y z".to_string(), String::new(), String::new());
     let size = if is_single(cloud) { " 4" } else { " 8" };
@@ -119,10 +119,10 @@ pub(super) fn write(
     for field in &layout.fields {
         names.extend([" ", &field.name]);
         let (size, kind) = match field.stored {
-            Stored::Float(_) | Stored::Packed(_, None) => (" 4", " F"),
-            Stored::Double(_) => (" 8", " F"),
-            Stored::Packed(_, Some(_)) => (" 4", " U"),
-            Stored::Level(..) => (" 2", " U"),
+            FieldData::Float(_) | FieldData::Packed(_, None) => (" 4", " F"),
+            FieldData::Double(_) => (" 8", " F"),
+            FieldData::Packed(_, Some(_)) => (" 4", " U"),
+            FieldData::Level(..) => (" 2", " U"),
         };
         sizes += size;
         types += kind;
@@ -181,7 +181,7 @@ fn check_compressed(
 }
 
 /// The bytes of one field, point by point.
-struct Values {
+struct BinaryField {
     start: usize,
     stride: usize,
     kind: ValueKind,
@@ -190,7 +190,7 @@ struct Values {
     as_bits: bool,
 }
 
-impl Values {
+impl BinaryField {
     /// The first value of point `i`.
     fn at(&self, bytes: &[u8], i: usize) -> f64 {
         let rest = bytes.get(self.start + i * self.stride..).unwrap_or_default();
@@ -215,7 +215,7 @@ impl Values {
 
 /// How the points lie in binary.
 #[derive(Clone, Copy, PartialEq)]
-enum Order {
+enum FieldOrder {
     /// Point after point.
     Points,
     /// Field after field, as they are compressed.
@@ -225,11 +225,11 @@ enum Order {
 /// Reads the points in `bytes`, whose size was checked; all takes `limit` bytes at most.
 fn parse_binary(
     bytes: &[u8],
-    order: Order,
+    order: FieldOrder,
     meta: &PcdMeta,
-    columns: &Columns,
+    columns: &ColumnMap,
     limit: usize,
-) -> Result<Table, String> {
+) -> Result<PointTable, String> {
     let count = meta.num_points as usize;
     let record = record_size(meta) as usize;
     let mut start = 0;
@@ -239,18 +239,18 @@ fn parse_binary(
         if !field.is_padding() {
             let as_bits = packs_alpha(&field.name).is_some();
             let (start, stride) = match order {
-                Order::Points => (start, record),
-                Order::Fields => (start * count, size),
+                FieldOrder::Points => (start, record),
+                FieldOrder::Fields => (start * count, size),
             };
-            values.push(Values { start, stride, kind: field.kind, as_bits });
+            values.push(BinaryField { start, stride, kind: field.kind, as_bits });
         }
         start += size;
     }
-    let places = columns.places();
+    let places = columns.position_columns();
     let finite = |&i: &usize| places.iter().all(|&place| values[place].at(bytes, i).is_finite());
     let there = (0..count).filter(finite).count();
     let is_single = places.iter().all(|&place| !is_wide(values[place].kind));
-    let size = Table::point_size(columns, is_single);
+    let size = PointTable::point_size(columns, is_single);
     if there.saturating_mul(size).saturating_add(bytes.len()) > limit {
         return Err(format!(
             "{there} points of {size} bytes in memory are more than the {limit} bytes that a file \
@@ -258,8 +258,8 @@ fn parse_binary(
         ));
     }
     let mut table = match is_single {
-        true => Table::single(there, columns),
-        false => Table::new(there, columns),
+        true => PointTable::single_precision(there, columns),
+        false => PointTable::new(there, columns),
     };
     let mut vertex = Vertex::default();
     for i in 0..count {
@@ -278,16 +278,16 @@ fn is_wide(kind: ValueKind) -> bool {
 /// Reads a body of one point a line.
 fn parse_ascii(
     content: &[u8],
-    head: &Head,
+    head: &PcdHeader,
     meta: &PcdMeta,
-    columns: Columns,
-) -> Result<Table, Fault> {
+    columns: ColumnMap,
+) -> Result<PointTable, ContentError> {
     let mut lines = Lines::new(content, head.bytes, head.last);
     let words_a_line = meta.field_defs.iter().fold(0, |sum: u64, f| sum.saturating_add(f.count));
     // A digit each, and a space between.
     let smallest = words_a_line.saturating_mul(2) - 1;
     let count = check_claim("points", meta.num_points, smallest, lines.rest().len())
-        .map_err(|what| Fault::line(head.last + 1, what))?;
+        .map_err(|what| ContentError::line(head.last + 1, what))?;
 
     let mut first_word = 0;
     let mut first_words = Vec::new();
@@ -297,18 +297,18 @@ fn parse_ascii(
         }
         first_word += field.count as usize;
     }
-    let columns = columns.moved(|field| first_words[field]);
+    let columns = columns.with_moved_columns(|field| first_words[field]);
 
-    let mut table = Table::new(count, &columns);
+    let mut table = PointTable::new(count, &columns);
     let mut vertex = Vertex::default();
     for index in 0..count {
         let Some(line) = lines.next() else {
             let what = format!("the file ends before point {index} of {count}");
-            return Err(Fault::line(lines.number(), what));
+            return Err(ContentError::line(lines.number(), what));
         };
         let (number, line) = line?;
         columns.parse(&mut vertex, line.split_ascii_whitespace(), number)?;
-        table.push(&vertex).map_err(|what| Fault::line(number, what))?;
+        table.push(&vertex).map_err(|what| ContentError::line(number, what))?;
     }
     Ok(table)
 }

@@ -9,12 +9,12 @@ use ply_rs_bw::ply::{
 };
 
 use crate::cloud::ColorDepth;
-use crate::io::columns::{Kind, Vertex, color, slot};
-use crate::io::fault::{Fault, check_claim, shown};
+use crate::io::columns::{ColumnKind, Vertex, color, slot};
+use crate::io::content_error::{ContentError, check_claim, quote_start};
 use crate::io::lines::{Lines, number};
 
 /// What is kept of an element.
-pub(super) trait Row: PropertyAccess {
+pub(super) trait PlyRecord: PropertyAccess {
     /// Whether the scalar property `name` must be a number.
     fn needs(name: &str) -> bool;
 
@@ -41,16 +41,16 @@ pub(super) struct Face {
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// What follows the header, read element by element.
-pub(super) enum Body<'a> {
+pub(super) enum PlyBody<'a> {
     /// One element a line.
     Ascii(Lines<'a>),
     /// Element after element from byte `at`.
     Binary { content: &'a [u8], at: usize, big_endian: bool },
 }
 
-impl Body<'_> {
+impl PlyBody<'_> {
     /// The count of `element`, if the bytes left can hold it.
-    pub(super) fn check_count(&self, element: &ElementDef) -> Result<usize, Fault> {
+    pub(super) fn check_count(&self, element: &ElementDef) -> Result<usize, ContentError> {
         let smallest = |kind: fn(&PropertyType) -> u64| {
             element.properties.values().map(|property| kind(&property.data_type)).sum()
         };
@@ -58,13 +58,13 @@ impl Body<'_> {
         let count = element.count as u64;
         match self {
             // A digit each, and a space between.
-            Body::Ascii(lines) => {
+            PlyBody::Ascii(lines) => {
                 check_claim(&what, count, smallest(|_| 2) - 1, lines.rest().len())
-                    .map_err(|what| Fault::line(lines.number() + 1, what))
+                    .map_err(|what| ContentError::line(lines.number() + 1, what))
             }
-            Body::Binary { content, at, .. } => {
+            PlyBody::Binary { content, at, .. } => {
                 check_claim(&what, count, smallest(smallest_size), content.len() - at)
-                    .map_err(|what| Fault::byte(*at, what))
+                    .map_err(|what| ContentError::byte(*at, what))
             }
         }
     }
@@ -72,31 +72,31 @@ impl Body<'_> {
     /// Where the next element begins, in bytes; 0 where lines are counted.
     pub(super) fn start(&self) -> usize {
         match self {
-            Body::Ascii(_) => 0,
-            Body::Binary { at, .. } => *at,
+            PlyBody::Ascii(_) => 0,
+            PlyBody::Binary { at, .. } => *at,
         }
     }
 
     /// A fault in the element that was read last, which began at byte `start`.
-    pub(super) fn fault(&self, start: usize, what: String) -> Fault {
+    pub(super) fn fault(&self, start: usize, what: String) -> ContentError {
         match self {
-            Body::Ascii(lines) => Fault::line(lines.number(), what),
-            Body::Binary { .. } => Fault::byte(start, what),
+            PlyBody::Ascii(lines) => ContentError::line(lines.number(), what),
+            PlyBody::Binary { .. } => ContentError::byte(start, what),
         }
     }
 
     /// The next element, of which `index` were read before.
-    pub(super) fn next<R: Row>(&mut self, element: &ElementDef, index: usize) -> Result<R, Fault> {
+    pub(super) fn next<R: PlyRecord>(&mut self, element: &ElementDef, index: usize) -> Result<R, ContentError> {
         let ends = || format!("the file ends within {} {index} of {}", element.name, element.count);
         match self {
-            Body::Ascii(lines) => match lines.next() {
+            PlyBody::Ascii(lines) => match lines.next() {
                 Some(line) => {
                     let (number, line) = line?;
-                    parse_line(line, element).map_err(|what| Fault::line(number, what))
+                    parse_line(line, element).map_err(|what| ContentError::line(number, what))
                 }
-                None => Err(Fault::line(lines.number(), ends())),
+                None => Err(ContentError::line(lines.number(), ends())),
             },
-            Body::Binary { content, at, big_endian } => {
+            PlyBody::Binary { content, at, big_endian } => {
                 let start = *at;
                 let mut rest = &content[start..];
                 let parser = Parser::<R>::new();
@@ -107,8 +107,8 @@ impl Body<'_> {
                 };
                 *at = content.len() - rest.len();
                 row.map_err(|error| match error.kind() {
-                    ErrorKind::UnexpectedEof => Fault::byte(start, ends()),
-                    _ => Fault::byte(start, format!("{} {index}: {error}", element.name)),
+                    ErrorKind::UnexpectedEof => ContentError::byte(start, ends()),
+                    _ => ContentError::byte(start, format!("{} {index}: {error}", element.name)),
                 })
             }
         }
@@ -116,13 +116,13 @@ impl Body<'_> {
 }
 
 /// The element written in `line`; words beyond its properties are ignored.
-fn parse_line<R: Row>(line: &str, element: &ElementDef) -> Result<R, String> {
+fn parse_line<R: PlyRecord>(line: &str, element: &ElementDef) -> Result<R, String> {
     let mut row = R::new();
     let mut words = line.split_ascii_whitespace();
     for (name, property) in &element.properties {
         let missing = || format!("the line ends before property {name}");
         let word = words.next().ok_or_else(missing)?;
-        let refuse = |expected| format!("{name} is {}, not {expected}", shown(word));
+        let refuse = |expected| format!("{name} is {}, not {expected}", quote_start(word));
         match property.data_type {
             PropertyType::Scalar(_) => match number(word) {
                 None if R::needs(name) => return Err(refuse("a number")),
@@ -132,7 +132,7 @@ fn parse_line<R: Row>(line: &str, element: &ElementDef) -> Result<R, String> {
                 let length: usize = word.parse().map_err(|_| refuse("the length of a list"))?;
                 if R::takes_list(name) {
                     let value = |word: &str| {
-                        number(word).ok_or_else(|| format!("{name} has {}", shown(word)))
+                        number(word).ok_or_else(|| format!("{name} has {}", quote_start(word)))
                     };
                     // A claim takes no memory: there are never more values than words.
                     let values = words.by_ref().take(length).map(value);
@@ -155,11 +155,11 @@ pub(super) fn is_scalar(kind: &PropertyType) -> bool {
 }
 
 /// Colours are whole numbers in one byte or two; `name` is that of the channel.
-pub(super) fn kind(name: &str, property: &PropertyDef) -> Kind {
+pub(super) fn kind(name: &str, property: &PropertyDef) -> ColumnKind {
     match (color(name), &property.data_type) {
-        (Some(_), PropertyType::Scalar(ScalarType::UChar)) => Kind::Color(ColorDepth::Eight),
-        (Some(_), PropertyType::Scalar(ScalarType::UShort)) => Kind::Color(ColorDepth::Sixteen),
-        _ => Kind::Number,
+        (Some(_), PropertyType::Scalar(ScalarType::UChar)) => ColumnKind::Color(ColorDepth::Eight),
+        (Some(_), PropertyType::Scalar(ScalarType::UShort)) => ColumnKind::Color(ColorDepth::Sixteen),
+        _ => ColumnKind::Number,
     }
 }
 
@@ -231,7 +231,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-impl Row for Vertex {
+impl PlyRecord for Vertex {
     fn needs(name: &str) -> bool {
         slot(name).is_some()
     }
@@ -257,7 +257,7 @@ impl PropertyAccess for Face {
     }
 }
 
-impl Row for Face {
+impl PlyRecord for Face {
     fn needs(_name: &str) -> bool {
         false
     }

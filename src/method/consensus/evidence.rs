@@ -91,7 +91,7 @@ fn score_direction(from: &Surface, onto: &Surface, pose: &Transform, length: f64
     for i in (0..from.len()).step_by(step) {
         sums.points += 1;
         let place = pose.apply(from.point(i));
-        if let Some(ahead) = onto.depth_image.as_ref().and_then(|seen| seen.in_front(place)) {
+        if let Some(ahead) = onto.depth_image.as_ref().and_then(|seen| seen.clearance(place)) {
             sums.observed_points += 1;
             sums.violating_points += usize::from(ahead > MIN_CLEARANCE * length);
         }

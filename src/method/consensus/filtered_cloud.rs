@@ -6,9 +6,9 @@ use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::filter;
 use crate::math::{self, Vec3};
-use crate::method::cache::{Cache, Cached, Keep};
+use crate::method::cache::{Cache, Cached, HeapSize};
 use crate::method::clean;
-use crate::visibility::RangeLimit;
+use crate::visibility::MaxRangeReturns;
 
 /// A cloud but for returns at the limit of its sensor's range and what travels with the sensor.
 #[derive(Clone)]
@@ -21,7 +21,7 @@ pub(super) struct FilteredCloud<'a> {
 struct FilteredPoints {
     /// `None`: all of it, as it is.
     cloud: Option<PointCloud>,
-    range_limit: Option<RangeLimit>,
+    range_limit: Option<MaxRangeReturns>,
     min_range: f64,
     /// Of what is made of it.
     cache: Cache,
@@ -52,7 +52,7 @@ impl<'a> FilteredCloud<'a> {
     }
 
     /// Where returns at the limit of the sensor's range were, which are left out.
-    pub(super) fn range_limit(&self) -> Option<&RangeLimit> {
+    pub(super) fn range_limit(&self) -> Option<&MaxRangeReturns> {
         self.filtered.range_limit.as_ref()
     }
 
@@ -68,7 +68,7 @@ impl<'a> FilteredCloud<'a> {
 
     /// [`filter::voxel_side`] of so many points.
     pub(super) fn voxel_size_for(&self, points: usize) -> Result<f64> {
-        let side = || filter::voxel_side(self.cloud(), points);
+        let side = || filter::voxel_size_for(self.cloud(), points);
         self.cached().get(VoxelSizeKey(points), side).map(|side| *side)
     }
 
@@ -83,7 +83,7 @@ impl<'a> FilteredCloud<'a> {
     }
 }
 
-impl Keep for FilteredPoints {
+impl HeapSize for FilteredPoints {
     fn bytes(&self) -> usize {
         self.cloud.as_ref().map_or(0, PointCloud::bytes) + self.cache.bytes()
     }
@@ -91,18 +91,18 @@ impl Keep for FilteredPoints {
 
 impl FilteredPoints {
     fn new(all: &PointCloud, limited: bool, keep_no_returns: bool) -> Result<Self> {
-        let clean = clean::points(all, keep_no_returns)?;
+        let clean = clean::clean_points(all, keep_no_returns)?;
         let cloud = clean.as_ref().unwrap_or(all);
         // Marks of missing returns are not at the limit of a range, though they are kept.
-        let returns = keep_no_returns.then(|| filter::remove_no_returns(cloud)).flatten();
+        let returns = keep_no_returns.then(|| filter::select_returns(cloud)).flatten();
         let returns = returns.as_ref().unwrap_or(cloud);
         let limit = match returns.viewpoint() {
             _ if !limited => None,
-            Some(at) => RangeLimit::about(returns, at),
-            None => RangeLimit::about(returns, returns.frame_origin())
-                .or_else(|| RangeLimit::find(returns)),
+            Some(at) => MaxRangeReturns::detect_at(returns, at),
+            None => MaxRangeReturns::detect_at(returns, returns.frame_origin())
+                .or_else(|| MaxRangeReturns::detect(returns)),
         };
-        let within = limit.as_ref().map(|limit| limit.within(cloud));
+        let within = limit.as_ref().map(|limit| limit.remove_from(cloud));
         Ok(FilteredPoints { cloud: within.or(clean), range_limit: limit, min_range: 0.0, cache: Cache::default() })
     }
 }

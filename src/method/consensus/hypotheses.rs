@@ -8,7 +8,7 @@
 
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
-use crate::method::graph::{Graph, members};
+use crate::method::compatibility_graph::{CompatibilityGraph, set_bits};
 use crate::moments::Moments;
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
@@ -55,9 +55,9 @@ impl Correspondences {
         MAX_LENGTH_DIFFERENCE * self.voxel_size
     }
 
-    fn compatibility_graph(&self) -> Graph {
+    fn compatibility_graph(&self) -> CompatibilityGraph {
         let (near, reach) = (MIN_PAIR_LENGTH * self.voxel_size as f32, self.inlier_distance() as f32);
-        Graph::new(self.len(), |i, j| {
+        CompatibilityGraph::new(self.len(), |i, j| {
             let a = math::norm(math::sub(self.source[i], self.source[j]));
             let b = math::norm(math::sub(self.target[i], self.target[j]));
             a > near && b > near && (a - b).abs() < reach
@@ -116,12 +116,12 @@ impl Correspondences {
     pub(super) fn generate_hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
         let graph = self.compatibility_graph();
         let common = |i: usize, j: usize| -> usize {
-            graph.row(i).iter().zip(graph.row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
+            graph.adjacency_row(i).iter().zip(graph.adjacency_row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
         };
         let strength = par::map(
             self.len(),
             || (),
-            |_, i| members(graph.row(i)).map(|j| common(i, j)).sum::<usize>(),
+            |_, i| set_bits(graph.adjacency_row(i)).map(|j| common(i, j)).sum::<usize>(),
         );
         let mut order: Vec<usize> = (0..self.len()).filter(|&i| strength[i] > 0).collect();
         order.sort_by_key(|&i| (std::cmp::Reverse(strength[i]), i));
@@ -130,7 +130,7 @@ impl Correspondences {
         let square = self.inlier_distance().powi(2);
         let solve = |seed: usize| -> Option<Hypothesis> {
             let mut mates: Vec<(usize, usize)> =
-                members(graph.row(seed)).map(|j| (common(seed, j), j)).collect();
+                set_bits(graph.adjacency_row(seed)).map(|j| (common(seed, j), j)).collect();
             mates.sort_by_key(|&(common, j)| (std::cmp::Reverse(common), j));
             mates.truncate(SEED_NEIGHBORS);
             let own = mates.first().map_or(1, |&(most, _)| most);

@@ -162,7 +162,7 @@ impl Consensus {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let [source, target] = par::both(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
+        let [source, target] = par::join_pair(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
@@ -203,7 +203,7 @@ impl Consensus {
             }
         }
         let whole = |end| FilteredCloud::new(end, self.range_limit, self.keep_no_returns);
-        let clouds = times.time("range limit", || par::both([source, target], whole))?;
+        let clouds = times.time("range limit", || par::join_pair([source, target], whole))?;
         self.search_filtered(clouds, times)
     }
 
@@ -216,10 +216,10 @@ impl Consensus {
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
-            par::both(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
+            par::join_pair(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
         })?;
         let ends = || scans.each_ref();
-        let sensors = times.time("viewpoints", || par::both(ends(), |scan| scan.known_viewpoint()))?;
+        let sensors = times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
         let attempts = config.run_trials(&scans, sensors, length, times)?;
         let odds = |attempt: &ViewpointTrial| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())

@@ -69,7 +69,7 @@ pub(super) fn refine(
         let turn = Transform::from_rotation_vector([a, b, c]);
         let moved = Transform { translation: shift, ..turn };
         let center = math::scaled(moments.source_sum, 1.0 / moments.weight);
-        let Ok(pose) = prior.nearest(&moved.after(&settled.pose), center) else { break };
+        let Ok(pose) = prior.project_pose(&moved.after(&settled.pose), center) else { break };
         settled = Refined { pose, moments, iterations: step + 1 };
         if math::norm([a, b, c]) < 0.01 * rest && math::norm(shift) < rest * reach {
             break;

@@ -3,7 +3,7 @@
 use super::scan::{Scan, Surface};
 use super::{ConsensusSearch, to_cloud_frames};
 use crate::error::Result;
-use crate::method::registration::{Counts, Found, PointCounts, Timings};
+use crate::method::registration::{CloudCounts, SolvedPose, PointCounts, Timings};
 use crate::method::{Method, Registration, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
 
@@ -14,7 +14,7 @@ impl ConsensusSearch<'_> {
         let (settled, [from, onto]) = (self.refined, &best.surfaces);
         let covariance = times.time("covariance", || self.covariance(&settled.pose));
         let verdict = self.build_verdict(&settled.pose, self.evidence, covariance);
-        let counts = |scan: &Scan<'_>, surface: &Surface| Counts {
+        let counts = |scan: &Scan<'_>, surface: &Surface| CloudCounts {
             dropped: scan.filtered_cloud().cloud().dropped(),
             no_returns: scan.filtered_cloud().cloud().no_returns(),
             used: scan.filtered_cloud().cloud().len(),
@@ -25,7 +25,7 @@ impl ConsensusSearch<'_> {
         };
         let [source, target] = &self.scans;
         let solution = pose::solve(&settled.moments, Solver::Arun, ScaleEstimate::Fixed);
-        let found = Found {
+        let found = SolvedPose {
             transform: to_cloud_frames(&settled.pose, from, onto),
             moments: settled.moments,
             singular_values: solution.map_or([0.0; 3], |solution| solution.singular_values),
@@ -39,7 +39,7 @@ impl ConsensusSearch<'_> {
             config: Method::Consensus(self.config.clone()),
         };
         let [source, target] = self.clouds();
-        let concluded = Registration::conclude(found, source, target)?;
-        Ok(concluded.verified_by(verdict, &self.config))
+        let concluded = Registration::finish(found, source, target)?;
+        Ok(concluded.with_verdict_from(verdict, &self.config))
     }
 }

@@ -10,12 +10,12 @@ use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
-use crate::method::cache::{Cache, Keep};
-use crate::method::channels::{Channel, Compared, joined, values_of};
-use crate::moments::Described;
+use crate::method::cache::{Cache, HeapSize};
+use crate::method::channels::{Channel, DescriptorsWithChannels, concatenate_scaled_channels, channel_values};
+use crate::moments::FeatureView;
 use crate::normals::{self, Orientation, OrientedBy};
-use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, Vicinity};
-use crate::visibility::{DepthImage, Sight, Viewpoints};
+use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, OccupancyGrid};
+use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 
 /// Distance within which surfaces lie on each other, in lengths.
 pub(super) const INLIER_DISTANCE: f64 = 1.5;
@@ -87,7 +87,7 @@ pub(super) struct Surface {
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
     tree: Arc<SearchTree>,
-    occupancy: Arc<Vicinity>,
+    occupancy: Arc<OccupancyGrid>,
     pub(super) depth_image: Option<Arc<DepthImage>>,
     pub(super) oriented_by: OrientedBy,
 }
@@ -126,7 +126,7 @@ impl<'a> Scan<'a> {
         }
         let origin = whole.frame_origin();
         let local = math::sub(origin, self.downsampled.cloud.origin());
-        let against = self.downsampled.viewpoint_sample()?.oriented_sample().implausible(local);
+        let against = self.downsampled.viewpoint_sample()?.oriented_sample().visibility_cost(local);
         Ok((against < MAX_ORIGIN_COST).then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
     }
 
@@ -134,9 +134,9 @@ impl<'a> Scan<'a> {
     pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
         let guesses = self.downsampled.cache.get(EstimatedViewpointsKey, || {
             let glance = self.downsampled.viewpoint_sample()?;
-            Ok(CachedViewpoints(Viewpoints::find(glance.oriented_sample(), &glance.neighborhood_offsets)))
+            Ok(CachedViewpoints(ViewpointEstimates::compute(glance.oriented_sample(), &glance.neighborhood_offsets)))
         })?;
-        let Viewpoints { outside, inside } = guesses.0;
+        let ViewpointEstimates { outside, inside } = guesses.0;
         Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
     }
 
@@ -175,22 +175,22 @@ impl<'a> Scan<'a> {
 /// What a sensor saw, if that tells something.
 struct CachedDepthImage(Option<Arc<DepthImage>>);
 
-impl Keep for CachedDepthImage {
+impl HeapSize for CachedDepthImage {
     fn bytes(&self) -> usize {
         self.0.as_ref().map_or(0, |image| image.bytes())
     }
 }
 
 /// What was guessed of the viewpoint.
-struct CachedViewpoints(Viewpoints);
+struct CachedViewpoints(ViewpointEstimates);
 
-impl Keep for CachedViewpoints {
+impl HeapSize for CachedViewpoints {
     fn bytes(&self) -> usize {
-        size_of::<Viewpoints>()
+        size_of::<ViewpointEstimates>()
     }
 }
 
-impl Keep for DownsampledScan {
+impl HeapSize for DownsampledScan {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         // Places of neighbours, and of their rows.
@@ -210,7 +210,7 @@ impl DownsampledScan {
                     let sum: f64 = cube.iter().map(|&i| f64::from(own[i])).sum();
                     (sum / cube.len() as f64) as f32
                 };
-                let weights = filter::cubes(cloud, length)?.iter().map(mean).collect();
+                let weights = filter::voxels(cloud, length)?.iter().map(mean).collect();
                 (filter::voxel_grid(&cloud.unweighted(), length)?, Some(weights))
             }
         };
@@ -219,7 +219,7 @@ impl DownsampledScan {
             let what = format!("{name}, thinned to {length:e} as both are (have they one unit?),");
             return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
         }
-        let values = values_of(channels, &thin, name)?;
+        let values = channel_values(channels, &thin, name)?;
         let channels = values.into_iter().map(<[f32]>::to_vec).collect();
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
@@ -240,10 +240,10 @@ impl DownsampledScan {
     /// Seen from `view`, described; the sensor has `seen` that.
     fn compute_surface(&self, view: ViewpointHypothesis, seen: Option<Arc<DepthImage>>) -> Result<Surface> {
         let (points, origin) = (self.cloud.points(), self.cloud.origin());
-        let sight = Sight { points, normals: &self.normals, spacing: self.voxel_size };
+        let sight = OrientedSample { points, normals: &self.normals, spacing: self.voxel_size };
         let (normals, oriented_by) = match view {
-            ViewpointHypothesis::Known(at, by) => (sight.towards(math::sub(at, origin)), by),
-            ViewpointHypothesis::Estimated(at) => (sight.towards(at), OrientedBy::Guess),
+            ViewpointHypothesis::Known(at, by) => (sight.orient_normals(math::sub(at, origin)), by),
+            ViewpointHypothesis::Estimated(at) => (sight.orient_normals(at), OrientedBy::Guess),
             ViewpointHypothesis::Outward => (self.normals.clone(), OrientedBy::Centroid),
         };
         let descriptors = fpfh(points, &normals, &self.neighbors, HistogramScale::Open3d)?;
@@ -257,7 +257,7 @@ impl DownsampledScan {
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
             tree: SearchTree::new(&points)?.into(),
-            occupancy: Vicinity::new(&points, SEARCH_RADIUS * self.voxel_size).into(),
+            occupancy: OccupancyGrid::new(&points, SEARCH_RADIUS * self.voxel_size).into(),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
@@ -275,7 +275,7 @@ pub(super) fn squared_descriptor_distance(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-impl Keep for Surface {
+impl HeapSize for Surface {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         // Points once more, with their numbers, in the tree. What was seen counts by itself.
@@ -298,7 +298,7 @@ impl Surface {
     /// [`FARTHEST`] away.
     pub(super) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
-        self.occupancy.may_hold(&place).then(|| self.tree.nearest(&place))
+        self.occupancy.may_contain(&place).then(|| self.tree.nearest(&place))
     }
 
     pub(super) fn normal(&self, i: usize) -> Vec3 {
@@ -317,8 +317,8 @@ impl Surface {
         }
         let compared = sides
             .each_ref()
-            .map(|side| Compared { descriptors: &side.descriptors, channels: &side.channels });
-        let joined = joined(channels, HistogramScale::Open3d, compared)?;
+            .map(|side| DescriptorsWithChannels { descriptors: &side.descriptors, channels: &side.channels });
+        let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
             // How much a channel counts follows from both: the one that is kept stays as it is.
             *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
@@ -327,8 +327,8 @@ impl Surface {
     }
 
     /// One side of a full connection.
-    pub(super) fn feature_view(&self) -> Described<'_> {
-        Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    pub(super) fn feature_view(&self) -> FeatureView<'_> {
+        FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
     }
 }
 

@@ -70,7 +70,7 @@ impl Consensus {
             return Ok(attempts);
         }
         let [source, target] =
-            times.time("viewpoints", || par::both(scans.each_ref(), |scan| scan.estimate_viewpoints()))?;
+            times.time("viewpoints", || par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints()))?;
         for (source, target) in source.into_iter().zip(target) {
             if let (Some(source), Some(target)) = (source, target)
                 && attempt([source, target], times)?
@@ -90,7 +90,7 @@ impl Consensus {
     ) -> Result<ViewpointTrial> {
         let mut surfaces = times.time("descriptors", || {
             let seen = [(&scans[0], from), (&scans[1], onto)];
-            par::both(seen, |(scan, view)| scan.surface(view))
+            par::join_pair(seen, |(scan, view)| scan.surface(view))
         })?;
         let find = |matches: &Correspondences| matches.generate_hypotheses(self.seeds, &self.prior);
         // Channels tell the poses that shapes propose apart: they shall not hide one of them.
@@ -142,7 +142,7 @@ impl Consensus {
 /// Pairs of points that are each other's most alike, the most alike first where there are many.
 fn match_features([source, target]: &[Arc<Surface>; 2], length: f64) -> Result<Correspondences> {
     let connection = FullConnection::new(source.feature_view(), target.feature_view())?;
-    let mut pairs = connection.mutual();
+    let mut pairs = connection.mutual_nearest();
     if pairs.len() < MIN_MUTUAL {
         pairs = connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect();
     }

@@ -6,7 +6,7 @@ use crate::filter;
 use crate::math::{self, Vec3};
 use crate::normals::{self, Orientation};
 use crate::search::{Neighborhood, Neighbors};
-use crate::visibility::Sight;
+use crate::visibility::OrientedSample;
 
 /// Points on which a viewpoint is sought.
 const MAX_VIEWPOINT_POINTS: usize = 1500;
@@ -24,7 +24,7 @@ pub(super) struct ViewpointSample {
 impl ViewpointSample {
     /// Looks at a cloud that is thinned to `length`.
     pub(super) fn new(thin: &PointCloud, length: f64) -> Result<Self> {
-        let side = filter::voxel_side(thin, MAX_VIEWPOINT_POINTS)?;
+        let side = filter::voxel_size_for(thin, MAX_VIEWPOINT_POINTS)?;
         let few = match side > length {
             true => filter::voxel_grid(thin, side)?,
             false => thin.clone(),
@@ -36,7 +36,7 @@ impl ViewpointSample {
         let place = |i: usize| math::add(few.points()[i].map(f64::from), shift);
         let places: Vec<Vec3> = (0..few.len()).map(place).collect();
         let toward = (0..few.len()).map(|i| {
-            let near = around.of(i);
+            let near = around.indices(i);
             let sum = near.iter().fold([0.0; 3], |sum, &j| math::add(sum, places[j as usize]));
             math::sub(math::scaled(sum, 1.0 / near.len() as f64), places[i])
         });
@@ -52,7 +52,7 @@ impl ViewpointSample {
         self.points.len() * (2 * 3 * 4 + 3 * 8)
     }
 
-    pub(super) fn oriented_sample(&self) -> Sight<'_> {
-        Sight { points: &self.points, normals: &self.normals, spacing: self.spacing }
+    pub(super) fn oriented_sample(&self) -> OrientedSample<'_> {
+        OrientedSample { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
 }

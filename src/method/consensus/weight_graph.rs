@@ -3,7 +3,7 @@
 use super::{Consensus, to_local_frames};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
-use crate::method::connections::Connections;
+use crate::method::weight_graph::WeightGraph;
 use crate::method::registration::Timings;
 use crate::par;
 
@@ -14,7 +14,7 @@ impl Consensus {
         source: &PointCloud,
         target: &PointCloud,
         pose: &Transform,
-    ) -> Result<Connections> {
+    ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
             let search = self.search(source.into(), target.into(), &mut Timings::default())?;
             let attempt = &search.trials[search.best_trial];
@@ -23,7 +23,7 @@ impl Consensus {
             let seen = to_local_frames(pose, from, onto);
             let agreement = attempt.correspondences.inlier_weights(&seen);
             let reach = attempt.correspondences.inlier_distance();
-            Connections::of_matches(ends, &attempt.correspondences.pairs, agreement, reach, pose)
+            WeightGraph::from_correspondences(ends, &attempt.correspondences.pairs, agreement, reach, pose)
         })?
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::math::{self, Vec3};
-use crate::method::positions::Positions;
+use crate::method::position_problem::PositionProblem;
 use crate::moments::Moments;
 use crate::par;
 use crate::search::SearchTree;
@@ -13,15 +13,15 @@ use crate::weight::Gaussian;
 
 /// Search beats the tiles when it connects a target point with sources no further than
 /// this, in root mean square radii of the target: about one in a hundred.
-const SEARCH_RADIUS: f64 = 0.2;
+const MAX_SEARCH_RADIUS: f64 = 0.2;
 /// Sums of f32 weights below this have lost their digits.
-const UNDERFLOW: f64 = 1e-30;
+const MIN_WEIGHT_SUM: f64 = 1e-30;
 /// Target points a partial sum: fixed, so that the bits do not depend on the threads.
 const BLOCK: usize = 64;
 
 /// The mixture that the moved source is, and the target as its data.
-pub(super) struct Mixture<'a> {
-    positions: &'a Positions<'a>,
+pub(super) struct SourceMixture<'a> {
+    positions: &'a PositionProblem<'a>,
     source: &'a PointCloud,
     target: &'a PointCloud,
     /// c / (2πσ²)^{3/2}.
@@ -30,7 +30,7 @@ pub(super) struct Mixture<'a> {
 }
 
 /// What an E-step leaves for the M-step.
-pub(super) struct Expectation {
+pub(super) struct EStepResult {
     pub(super) moments: Moments,
     /// Negative log-likelihood a target point, without constants.
     pub(super) objective: f64,
@@ -38,9 +38,9 @@ pub(super) struct Expectation {
     pub(super) connections: u64,
 }
 
-impl<'a> Mixture<'a> {
+impl<'a> SourceMixture<'a> {
     pub(super) fn new(
-        positions: &'a Positions<'a>,
+        positions: &'a PositionProblem<'a>,
         source: &'a PointCloud,
         target: &'a PointCloud,
         outliers: f64,
@@ -48,24 +48,24 @@ impl<'a> Mixture<'a> {
     ) -> Self {
         let ratio = source.len() as f64 / target.len() as f64;
         let outlier_density = outliers / (1.0 - outliers) * ratio;
-        Mixture { positions, source, target, outlier_density, truncation }
+        SourceMixture { positions, source, target, outlier_density, truncation }
     }
 
     /// Responsibilities at `pose` with `sigma` in the target's radii.
-    pub(super) fn expectation(&self, pose: &Transform, sigma: f64) -> Result<Expectation> {
-        let reach = self.reach(sigma).filter(|&reach| reach.sqrt() <= SEARCH_RADIUS);
+    pub(super) fn e_step(&self, pose: &Transform, sigma: f64) -> Result<EStepResult> {
+        let reach = self.max_squared_distance_gap(sigma).filter(|&reach| reach.sqrt() <= MAX_SEARCH_RADIUS);
         if reach.is_none()
-            && let Some(expectation) = self.dense(pose, sigma)?
+            && let Some(expectation) = self.e_step_dense(pose, sigma)?
         {
             return Ok(expectation);
         }
-        self.sparse(pose, sigma)
+        self.e_step_by_search(pose, sigma)
     }
 
     /// Squared distance beyond the nearest source's at which sources are left out: all
     /// N of them together then weigh less than the allowed share of the nearest, which may be
     /// the lightest of them.
-    fn reach(&self, sigma: f64) -> Option<f64> {
+    fn max_squared_distance_gap(&self, sigma: f64) -> Option<f64> {
         let weights = self.positions.source_weights().unwrap_or_default();
         let lightest = weights.iter().fold(1.0, |least: f64, &a| least.min(f64::from(a)));
         let share = self.truncation * lightest / self.source.len() as f64;
@@ -81,31 +81,31 @@ impl<'a> Mixture<'a> {
     }
 
     /// bⱼ: how much a target point counts.
-    fn datum(&self, j: usize) -> f64 {
+    fn target_weight(&self, j: usize) -> f64 {
         self.positions.target_weights().map_or(1.0, |weights| f64::from(weights[j]))
     }
 
     /// aᵢ: how much of the mixture a source point is.
-    fn centre(&self, i: usize) -> f64 {
+    fn source_weight(&self, i: usize) -> f64 {
         self.positions.source_weights().map_or(1.0, |weights| f64::from(weights[i]))
     }
 
     /// All pairs, in tiles. `None` where weights of a target point underflow and search
     /// may do better.
-    fn dense(&self, pose: &Transform, sigma: f64) -> Result<Option<Expectation>> {
-        let connection = self.positions.connection(pose)?;
+    fn e_step_dense(&self, pose: &Transform, sigma: f64) -> Result<Option<EStepResult>> {
+        let connection = self.positions.full_connection(pose)?;
         let kernel = Gaussian { beta: (2.0 * sigma * sigma) as f32 };
         let c = self.outlier_term(sigma);
         let sums: Vec<f64> =
-            connection.weighed_target_sums(&kernel).iter().map(|sum| sum + c).collect();
-        if self.truncation > 0.0 && sums.iter().any(|&sum| sum < UNDERFLOW) {
+            connection.point_weighted_target_sums(&kernel).iter().map(|sum| sum + c).collect();
+        if self.truncation > 0.0 && sums.iter().any(|&sum| sum < MIN_WEIGHT_SUM) {
             return Ok(None);
         }
-        let factor = |&sum: &f64| if sum < UNDERFLOW { 0.0 } else { (1.0 / sum) as f32 };
+        let factor = |&sum: &f64| if sum < MIN_WEIGHT_SUM { 0.0 } else { (1.0 / sum) as f32 };
         let factors: Vec<f32> = sums.iter().map(factor).collect();
-        let log = |(j, sum): (usize, &f64)| self.datum(j) * sum.max(UNDERFLOW).ln();
+        let log = |(j, sum): (usize, &f64)| self.target_weight(j) * sum.max(MIN_WEIGHT_SUM).ln();
         let log_sum: f64 = sums.iter().enumerate().map(log).sum();
-        Ok(Some(Expectation {
+        Ok(Some(EStepResult {
             moments: connection.moments_with_factors(&kernel, &factors)?,
             objective: self.objective(log_sum, sigma),
             connections: connection.pairs(),
@@ -113,11 +113,11 @@ impl<'a> Mixture<'a> {
     }
 
     /// The pairs that matter, by search, in f64.
-    fn sparse(&self, pose: &Transform, sigma: f64) -> Result<Expectation> {
-        let unit = self.positions.unit();
-        let moved = self.positions.moved(pose)?;
+    fn e_step_by_search(&self, pose: &Transform, sigma: f64) -> Result<EStepResult> {
+        let unit = self.positions.rms_radius();
+        let moved = self.positions.transform_source(pose)?;
         let tree = SearchTree::new(&moved)?;
-        let reach = self.reach(sigma).unwrap_or(f64::INFINITY) * unit * unit;
+        let reach = self.max_squared_distance_gap(sigma).unwrap_or(f64::INFINITY) * unit * unit;
         let inverse = 1.0 / (2.0 * (sigma * unit).powi(2));
         let c = self.outlier_term(sigma);
         let start = Moments::about(self.source.centroid(), self.target.centroid());
@@ -133,7 +133,7 @@ impl<'a> Mixture<'a> {
                 // Relative to the nearest, so that nothing underflows however far it is.
                 let lift = nearest * inverse;
                 let relative = |found: &crate::search::Neighbor| {
-                    let centre = self.centre(found.index as usize);
+                    let centre = self.source_weight(found.index as usize);
                     centre * (lift - f64::from(found.squared_distance) * inverse).exp()
                 };
                 weights.clear();
@@ -144,13 +144,13 @@ impl<'a> Mixture<'a> {
                 let high = log_mixture.max(log_outlier);
                 let log_total =
                     high + ((log_mixture - high).exp() + (log_outlier - high).exp()).ln();
-                let share = self.datum(j) * (log_mixture - log_total).exp() / sum;
+                let share = self.target_weight(j) * (log_mixture - log_total).exp() / sum;
                 let q = local(place, shift_q);
                 for (found, weight) in near.iter().zip(&*weights) {
                     let p = local(self.source.points()[found.index as usize], shift_p);
                     moments.add_pair(weight * share, p, q);
                 }
-                log_sum += self.datum(j) * log_total;
+                log_sum += self.target_weight(j) * log_total;
                 pairs += near.len() as u64;
             }
             (moments, log_sum, pairs)
@@ -162,7 +162,7 @@ impl<'a> Mixture<'a> {
             connections += pairs;
         }
         moments.centered()?;
-        Ok(Expectation { moments, objective: self.objective(log_sum, sigma), connections })
+        Ok(EStepResult { moments, objective: self.objective(log_sum, sigma), connections })
     }
 }
 
@@ -181,10 +181,10 @@ mod tests {
     }
 
     /// Σw, Σw d² at the pose and the objective by the formulas as printed.
-    fn printed(mixture: &Mixture, pose: &Transform, sigma: f64, w: f64) -> [f64; 3] {
+    fn printed(mixture: &SourceMixture, pose: &Transform, sigma: f64, w: f64) -> [f64; 3] {
         let (source, target) = (mixture.source, mixture.target);
         let (n, m) = (source.len() as f64, target.len() as f64);
-        let unit = mixture.positions.unit();
+        let unit = mixture.positions.rms_radius();
         let c = (2.0 * PI * sigma * sigma).powf(1.5) * w / (1.0 - w) * n / m;
         let (mut weight, mut residual, mut log_sum) = (0.0, 0.0, 0.0);
         for q in target.positions() {
@@ -205,21 +205,21 @@ mod tests {
     #[test]
     fn tiles_and_search_are_the_printed_formulas() {
         let (source, target) = clouds();
-        let positions = Positions::new((&source).into(), (&target).into()).unwrap();
+        let positions = PositionProblem::new((&source).into(), (&target).into()).unwrap();
         let pose = Transform {
             translation: [0.05, 0.0, -0.1],
             scale: 1.1,
             ..Transform::from_rotation_vector([0.1, 0.2, -0.1])
         };
         for w in [0.0, 0.1, 0.7] {
-            let mixture = Mixture::new(&positions, &source, &target, w, 1e-7);
+            let mixture = SourceMixture::new(&positions, &source, &target, w, 1e-7);
             for sigma in [1.0, 0.3, 0.1, 0.05] {
                 let want = printed(&mixture, &pose, sigma, w);
                 let found = [
-                    mixture.dense(&pose, sigma).unwrap().unwrap(),
-                    mixture.sparse(&pose, sigma).unwrap(),
+                    mixture.e_step_dense(&pose, sigma).unwrap().unwrap(),
+                    mixture.e_step_by_search(&pose, sigma).unwrap(),
                 ];
-                for Expectation { moments, objective, .. } in found {
+                for EStepResult { moments, objective, .. } in found {
                     let found = [moments.weight, moments.residual(&pose), objective];
                     for (x, y) in found.iter().zip(want) {
                         assert!((x - y).abs() < 3e-6 * (1.0 + y.abs()), "{w} {sigma}: {x} {y}");
@@ -232,11 +232,11 @@ mod tests {
     #[test]
     fn what_is_left_out_keeps_its_bound() {
         let (source, target) = clouds();
-        let positions = Positions::new((&source).into(), (&target).into()).unwrap();
+        let positions = PositionProblem::new((&source).into(), (&target).into()).unwrap();
         for truncation in [1e-1, 1e-3, 1e-5] {
-            let mixture = Mixture::new(&positions, &source, &target, 0.3, truncation);
+            let mixture = SourceMixture::new(&positions, &source, &target, 0.3, truncation);
             for sigma in [0.3, 0.1, 0.03] {
-                let found = mixture.sparse(&Transform::IDENTITY, sigma).unwrap();
+                let found = mixture.e_step_by_search(&Transform::IDENTITY, sigma).unwrap();
                 let [all, ..] = printed(&mixture, &Transform::IDENTITY, sigma, 0.3);
                 let missing = (all - found.moments.weight) / all;
                 assert!((-1e-6..=truncation + 1e-6).contains(&missing), "{truncation} {missing}");

@@ -4,10 +4,10 @@ mod expectation;
 
 use serde::{Deserialize, Serialize};
 
-use self::expectation::{Expectation, Mixture};
-use super::positions::Positions;
-use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::{Method, Refine, Step, StopReason};
+use self::expectation::{EStepResult, SourceMixture};
+use super::position_problem::PositionProblem;
+use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::{Method, Refine, IterationRecord, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -124,20 +124,20 @@ impl Cpd {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
-        let (source, target) = (&*source.counting(), &*target.counting());
+        let (source, target) = (&*source.with_positive_weights(), &*target.with_positive_weights());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || Positions::new(source.into(), target.into()))?;
-        let unit = positions.unit();
+        let positions = times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
+        let unit = positions.rms_radius();
         let floor = if self.truncation > 0.0 { SIGMA_FLOOR } else { EXACT_SIGMA_FLOOR };
-        let first = self.sigma.unwrap_or_else(|| first_sigma(source, target, initial));
+        let first = self.sigma.unwrap_or_else(|| initial_sigma(source, target, initial));
         let mut sigma = (first / unit).max(floor);
-        let mixture = Mixture::new(&positions, source, target, self.outliers, self.truncation);
+        let mixture = SourceMixture::new(&positions, source, target, self.outliers, self.truncation);
         let (mut pose, mut objective, mut iteration) = (*initial, f64::INFINITY, 0);
         let mut trace = Vec::new();
         let (solution, expectation, stop) = loop {
             iteration += 1;
-            let expectation: Expectation =
-                times.time("moments", || mixture.expectation(&pose, sigma))?;
+            let expectation: EStepResult =
+                times.time("moments", || mixture.e_step(&pose, sigma))?;
             let moments = expectation.moments;
             let solution = times.time("solve", || {
                 pose::solve_with(&moments, Solver::Arun, self.scale, &self.prior)
@@ -150,7 +150,7 @@ impl Cpd {
             }
             pose = solution.transform;
             if self.trace {
-                trace.push(Step {
+                trace.push(IterationRecord {
                     iteration,
                     transform: pose,
                     objective: expectation.objective,
@@ -173,8 +173,8 @@ impl Cpd {
             };
             break (solution, expectation, stop);
         };
-        let points = PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
-        let found = Found {
+        let points = PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
+        let found = SolvedPose {
             transform: pose,
             moments: expectation.moments,
             singular_values: solution.singular_values,
@@ -187,12 +187,12 @@ impl Cpd {
             config: Method::Cpd(Cpd { sigma: Some(first), ..self.clone() }),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source.into(), target.into())
+        Registration::finish(found, source.into(), target.into())
     }
 }
 
 /// √(Σ_ij d²/3NM) at `pose`, from means and variances alone.
-fn first_sigma(source: &PointCloud, target: &PointCloud, pose: &Transform) -> f64 {
+fn initial_sigma(source: &PointCloud, target: &PointCloud, pose: &Transform) -> f64 {
     // Mean, and mean squared distance from it, by weight.
     let spread = |cloud: &PointCloud| {
         let center = cloud.centroid();
@@ -264,11 +264,11 @@ mod tests {
             }
         }
         let want = (sum / 18.0).sqrt();
-        assert!((first_sigma(&source, &target, &pose) / want - 1.0).abs() < 1e-6);
+        assert!((initial_sigma(&source, &target, &pose) / want - 1.0).abs() < 1e-6);
         // A weight is as many points.
         let heavy = source.clone().with_weights(vec![1.0, 3.0, 2.0]).unwrap();
         let many = source.select(&[0, 1, 1, 1, 2, 2]);
-        let sigma = |source| first_sigma(source, &target, &pose);
+        let sigma = |source| initial_sigma(source, &target, &pose);
         assert!((sigma(&heavy) / sigma(&many) - 1.0).abs() < 1e-6);
     }
 }

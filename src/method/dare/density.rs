@@ -7,7 +7,7 @@ use crate::search::{Neighborhood, Neighbors};
 
 /// Weights above this many times their mean are cut to it, as in the authors' program: a
 /// stray point's neighbourhood spans far more than it has seen.
-const CAP: f64 = 8.0;
+const MAX_RELATIVE_WEIGHT: f64 = 8.0;
 
 /// One weight a point, inverse to the local sampling density, with sum 1: the product of
 /// the two largest standard deviations of its `k` nearest points (the area they span),
@@ -22,13 +22,13 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
     let areas = par::map(
         n,
         || (),
-        |_, i| spanned_area(neighbors.of(i).iter().map(|&j| points[j as usize]), points[i]),
+        |_, i| spanned_area(neighbors.indices(i).iter().map(|&j| points[j as usize]), points[i]),
     );
     let mut weights = par::map(
         n,
         || (),
         |_, i| {
-            let mut around: Vec<f64> = neighbors.of(i).iter().map(|&j| areas[j as usize]).collect();
+            let mut around: Vec<f64> = neighbors.indices(i).iter().map(|&j| areas[j as usize]).collect();
             around.sort_unstable_by(f64::total_cmp);
             let middle = around.len() / 2;
             (around[middle] + around[(around.len() - 1) / 2]) / 2.0
@@ -38,7 +38,7 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
     if mean <= 0.0 {
         return Ok(equal_weights(n));
     }
-    weights.iter_mut().for_each(|weight| *weight = weight.min(CAP * mean));
+    weights.iter_mut().for_each(|weight| *weight = weight.min(MAX_RELATIVE_WEIGHT * mean));
     let sum: f64 = weights.iter().sum();
     Ok(weights.iter().map(|weight| weight / sum).collect())
 }

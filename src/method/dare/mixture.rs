@@ -20,29 +20,29 @@ const BLOCK: usize = 1024;
 /// Points that are summed in f32 before the sums go on in f64.
 const CHUNK: usize = 32;
 /// Sums a component: Σa, Σa dx, Σa dy, Σa dz, Σa|d|², Σa².
-const SUMS: usize = 6;
+const SUMS_PER_COMPONENT: usize = 6;
 /// Weights are multiplied by this before they are squared: they may be 1e-7 each.
-const LIFT: f32 = (1u32 << 30) as f32;
+const WEIGHT_SCALE: f32 = (1u32 << 30) as f32;
 /// Mass below which a component keeps its mean and variance: nothing determines them.
-const LEAST_MASS: f64 = 1e-12;
+const MIN_MASS: f64 = 1e-12;
 
 /// A cloud about its centroid in units of the model, and its observation weights.
-pub(super) struct View {
+pub(super) struct NormalizedCloud {
     pub(super) points: Vec<[f32; 3]>,
     /// Sum 1.
     pub(super) weights: Vec<f64>,
 }
 
-impl View {
+impl NormalizedCloud {
     /// Distance of the farthest point from the centroid.
-    pub(super) fn reach(&self) -> f64 {
+    pub(super) fn radius(&self) -> f64 {
         let squares = self.points.iter().map(|p| p.map(f64::from)).map(|p| math::dot(p, p));
         squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Principal axes, a right-handed frame: the widest first, each of the first two
     /// towards its longer tail.
-    pub(super) fn axes(&self) -> Mat3 {
+    pub(super) fn principal_axes(&self) -> Mat3 {
         let points = || self.points.iter().map(|p| p.map(f64::from));
         let mut squares = [[0.0; 3]; 3];
         for p in points() {
@@ -60,44 +60,44 @@ impl View {
 }
 
 /// Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
-pub(super) struct Mixture {
+pub(super) struct SceneMixture {
     pub(super) means: Vec<Vec3>,
     pub(super) variances: Vec<f64>,
     /// ω.
-    pub(super) outliers: f64,
+    pub(super) outlier_ratio: f64,
     /// V.
     pub(super) volume: f64,
     /// Variance of every point about where it was measured. Its expected log-likelihood
     /// under a component is that of the point less 3/2 blur/σ²: the factor in the E-step
     /// and the term of the variances by which EM still climbs.
-    pub(super) blur: f64,
+    pub(super) point_variance: f64,
 }
 
 /// What of a cloud a component is responsible for, in the cloud's own coordinates.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Cluster {
+pub(super) struct ComponentStatistics {
     /// Σa, a = responsibility × observation weight.
     pub(super) mass: f64,
     /// Σa².
-    pub(super) squared: f64,
+    pub(super) squared_mass: f64,
     /// Σa x / Σa.
     pub(super) centroid: Vec3,
     /// Σa |x − centroid|².
     pub(super) scatter: f64,
 }
 
-impl Mixture {
+impl SceneMixture {
     /// The E-step: the clusters of `view` under `pose`, and Σ_j w_j ln p(x_j).
-    pub(super) fn explain(&self, view: &View, pose: &Transform) -> (Vec<Cluster>, f64) {
+    pub(super) fn e_step(&self, view: &NormalizedCloud, pose: &Transform) -> (Vec<ComponentStatistics>, f64) {
         let k = self.means.len();
-        let uniform = self.outliers / self.volume;
-        let prior = (1.0 - self.outliers) / k as f64;
+        let uniform = self.outlier_ratio / self.volume;
+        let prior = (1.0 - self.outlier_ratio) / k as f64;
         let amplitude = |variance: &f64| {
-            let blurred = (-1.5 * self.blur / variance).exp();
+            let blurred = (-1.5 * self.point_variance / variance).exp();
             (prior / uniform * blurred * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
         };
         let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
-        let model = Lanes {
+        let model = SimdComponents {
             x: axis(0),
             y: axis(1),
             z: axis(2),
@@ -109,7 +109,7 @@ impl Mixture {
             BLOCK,
             || (),
             |_, block| {
-                let mut sums = vec![0.0; SUMS * k];
+                let mut sums = vec![0.0; SUMS_PER_COMPONENT * k];
                 let mut likelihood = 0.0;
                 for start in block.clone().step_by(CHUNK) {
                     let range = start..(start + CHUNK).min(block.end);
@@ -117,16 +117,16 @@ impl Mixture {
                         .iter()
                         .map(|p| pose.apply(p.map(f64::from)).map(|x| x as f32))
                         .collect();
-                    let mut partial = vec![0.0f32; SUMS * k];
+                    let mut partial = vec![0.0f32; SUMS_PER_COMPONENT * k];
                     let weights = &view.weights[range];
-                    let pass = Pass { model: &model, points: &moved, weights, sums: &mut partial };
+                    let pass = EStepKernel { model: &model, points: &moved, weights, sums: &mut partial };
                     likelihood += pulp::Arch::new().dispatch(pass);
                     sums.iter_mut().zip(&partial).for_each(|(sum, &x)| *sum += f64::from(x));
                 }
                 (sums, likelihood)
             },
         );
-        let mut sums = vec![0.0; SUMS * k];
+        let mut sums = vec![0.0; SUMS_PER_COMPONENT * k];
         let mut likelihood = uniform.ln();
         for (block, part) in &blocks {
             sums.iter_mut().zip(block).for_each(|(sum, x)| *sum += x);
@@ -136,16 +136,16 @@ impl Mixture {
         let cluster = |i: usize| {
             let sum = |s: usize| sums[s * k + i];
             let mass = sum(0);
-            let lift = f64::from(LIFT);
+            let lift = f64::from(WEIGHT_SCALE);
             let squared = sum(5) / (lift * lift);
-            if mass < LEAST_MASS {
-                return Cluster::default();
+            if mass < MIN_MASS {
+                return ComponentStatistics::default();
             }
             // About the component's mean in f32, where the kernel took it.
             let mean = self.means[i].map(|x| f64::from(x as f32));
             let shift = math::scaled([sum(1), sum(2), sum(3)], 1.0 / mass);
             let scatter = (sum(4) - mass * math::dot(shift, shift)).max(0.0);
-            Cluster { mass, squared, centroid: back.apply(math::add(mean, shift)), scatter }
+            ComponentStatistics { mass, squared_mass: squared, centroid: back.apply(math::add(mean, shift)), scatter }
         };
         ((0..k).map(cluster).collect(), likelihood)
     }
@@ -155,14 +155,14 @@ impl Mixture {
     /// every pose.
     pub(super) fn moments(
         &self,
-        clusters: &[Cluster],
+        clusters: &[ComponentStatistics],
         unit: f64,
         (source_origin, target_origin): (Vec3, Vec3),
     ) -> Moments {
         let mut moments = Moments::about(source_origin, target_origin);
         for ((cluster, &mean), variance) in clusters.iter().zip(&self.means).zip(&self.variances) {
             let (p, q) = (math::scaled(cluster.centroid, unit), math::scaled(mean, unit));
-            let rest = moments.weight_squared + cluster.squared / (variance * variance);
+            let rest = moments.weight_squared + cluster.squared_mass / (variance * variance);
             moments.add_pair(cluster.mass / variance, p, q);
             moments.weight_squared = rest;
             moments.source_squares += unit * unit * cluster.scatter / variance;
@@ -175,7 +175,7 @@ impl Mixture {
     ///
     /// # Errors
     /// Those of [`pose::solve_with`].
-    pub(super) fn solve(&self, clusters: &[Cluster], prior: &Prior) -> Result<Solution> {
+    pub(super) fn solve_pose(&self, clusters: &[ComponentStatistics], prior: &Prior) -> Result<Solution> {
         let moments = self.moments(clusters, 1.0, ([0.0; 3], [0.0; 3]));
         pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior)
     }
@@ -185,7 +185,7 @@ impl Mixture {
     ///
     /// # Errors
     /// Those of [`pose::solve`], but for the open rotation.
-    pub(super) fn follow(&mut self, clouds: [(&[Cluster], &Transform); 2]) -> Result<()> {
+    pub(super) fn follow_clouds(&mut self, clouds: [(&[ComponentStatistics], &Transform); 2]) -> Result<()> {
         let mut moments = Moments::about([0.0; 3], [0.0; 3]);
         for (clusters, pose) in clouds {
             for ((cluster, &mean), variance) in
@@ -195,7 +195,7 @@ impl Mixture {
             }
         }
         match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
-            Ok(solution) => self.see_from(&solution.transform),
+            Ok(solution) => self.move_components(&solution.transform),
             Err(Error::Degenerate { .. }) => {}
             Err(error) => return Err(error),
         }
@@ -203,24 +203,24 @@ impl Mixture {
     }
 
     /// Gives the scene, which has no frame of its own, that of a cloud under `pose`.
-    pub(super) fn see_from(&mut self, pose: &Transform) {
+    pub(super) fn move_components(&mut self, pose: &Transform) {
         let back = pose.inverse();
         self.means.iter_mut().for_each(|mean| *mean = back.apply(*mean));
     }
 
     /// The rest of the M-step: means (unless `held`), then variances, from the clusters
     /// of both clouds under their new poses.
-    pub(super) fn update(&mut self, clouds: [(&[Cluster], &Transform); 2], held: bool) {
+    pub(super) fn update_components(&mut self, clouds: [(&[ComponentStatistics], &Transform); 2], freeze_means: bool) {
         for i in 0..self.means.len() {
             let parts = clouds.map(|(clusters, pose)| {
                 let cluster = &clusters[i];
                 (cluster.mass, pose.apply(cluster.centroid), cluster.scatter)
             });
             let mass = parts[0].0 + parts[1].0;
-            if mass < LEAST_MASS {
+            if mass < MIN_MASS {
                 continue;
             }
-            if !held {
+            if !freeze_means {
                 let [a, b] = parts.map(|(mass, centroid, _)| math::scaled(centroid, mass));
                 self.means[i] = math::scaled(math::add(a, b), 1.0 / mass);
             }
@@ -228,13 +228,13 @@ impl Mixture {
                 let rest = math::sub(centroid, self.means[i]);
                 scatter + mass * math::dot(rest, rest)
             };
-            self.variances[i] = parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.blur;
+            self.variances[i] = parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.point_variance;
         }
     }
 }
 
 /// The model in f32, one array a parameter.
-struct Lanes {
+struct SimdComponents {
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -244,21 +244,21 @@ struct Lanes {
     amplitude: Vec<f32>,
 }
 
-struct Pass<'a> {
-    model: &'a Lanes,
+struct EStepKernel<'a> {
+    model: &'a SimdComponents,
     points: &'a [[f32; 3]],
     weights: &'a [f64],
     sums: &'a mut [f32],
 }
 
-impl WithSimd for Pass<'_> {
+impl WithSimd for EStepKernel<'_> {
     /// Σ w ln(p / outlier density).
     type Output = f64;
 
     // Plain loops: compiled here once per instruction set, they become its vector code.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Lanes { x, y, z, exponent, amplitude } = self.model;
+        let SimdComponents { x, y, z, exponent, amplitude } = self.model;
         let k = x.len();
         let (x, y, z) = (&x[..k], &y[..k], &z[..k]);
         let (exponent, amplitude) = (&exponent[..k], &amplitude[..k]);
@@ -288,7 +288,7 @@ impl WithSimd for Pass<'_> {
                 sy[i] = a.mul_add(dy, sy[i]);
                 sz[i] = a.mul_add(dz, sz[i]);
                 scatter[i] = a.mul_add(dx.mul_add(dx, dy.mul_add(dy, dz * dz)), scatter[i]);
-                squared[i] = (a * LIFT).mul_add(a * LIFT, squared[i]);
+                squared[i] = (a * WEIGHT_SCALE).mul_add(a * WEIGHT_SCALE, squared[i]);
             }
         }
         likelihood

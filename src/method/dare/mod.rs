@@ -5,10 +5,10 @@ mod mixture;
 
 use serde::{Deserialize, Serialize};
 
-use self::mixture::{Cluster, Mixture, View};
-use super::positions;
-use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::schedule::{Step, StopReason};
+use self::mixture::{ComponentStatistics, SceneMixture, NormalizedCloud};
+use super::position_problem;
+use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::termination::{IterationRecord, StopReason};
 use super::{Method, Refine};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -18,13 +18,13 @@ use crate::pose::{Prior, ScaleEstimate};
 
 /// Iterations in which the means stay where they were laid and only poses and variances
 /// follow, as in the authors' program.
-const HELD: u32 = 3;
+const FROZEN_ITERATIONS: u32 = 3;
 
 /// Agreement beyond chance below which a pose is doubted, more than is asked of other
 /// methods: of 105 wrong optima from rotations of 60° to 180° the best agrees by 0.58
 /// (by 0.60 with `min_sigma` 0.055), of 15 right ones the worst by 0.82
 /// (`cargo test --test it dare::wrong_optima -- --nocapture`).
-pub(super) const MIN_AGREEMENT: f64 = 0.65;
+pub(super) const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.65;
 
 /// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and
 /// Felsberg, CVPR 2018), positions only.
@@ -146,51 +146,51 @@ impl Dare {
         initial: &Transform,
     ) -> Result<Registration> {
         self.validate()?;
-        let (source, target) = (&*source.counting(), &*target.counting());
+        let (source, target) = (&*source.with_positive_weights(), &*target.with_positive_weights());
         let config = self.resolved(source, target);
         let mut times = Timings::default();
-        let frame = Frame::new(source, target)?;
+        let frame = NormalizedFrame::new(source, target)?;
         let [from, to] = times.time("density", || {
-            let view = |cloud, center| frame.view(cloud, center, self.density_neighbors);
+            let view = |cloud, center| frame.normalize_cloud(cloud, center, self.density_neighbors);
             Ok::<_, Error>([view(source, frame.source)?, view(target, frame.target)?])
         })?;
-        let mut pose = frame.inward(&Transform { scale: 1.0, ..*initial });
-        if math::norm(pose.translation) > from.reach() + to.reach() {
+        let mut pose = frame.normalize_pose(&Transform { scale: 1.0, ..*initial });
+        if math::norm(pose.translation) > from.radius() + to.radius() {
             // No point can meet another: such a shift knows nothing, and the scene would
             // be so wide that f32 loses the clouds in it.
             pose.translation = [0.0; 3];
         }
         // It may turn away from where the clouds lie, and climbs from there.
-        pose = self.prior.nearest(&pose, [0.0; 3])?;
-        let mut mixture = config.scene(&from, &to, &pose);
+        pose = self.prior.project_pose(&pose, [0.0; 3])?;
+        let mut mixture = config.initial_mixture(&from, &to, &pose);
         let mut trace = Vec::new();
         let (mut before, mut iterations) = (f64::NEG_INFINITY, 0);
         let mut stop = StopReason::IterationLimit;
         times.time("iterate", || {
             while iterations < self.max_iterations {
                 iterations += 1;
-                let (of_source, first) = mixture.explain(&from, &pose);
-                let (of_target, second) = mixture.explain(&to, &Transform::IDENTITY);
+                let (of_source, first) = mixture.e_step(&from, &pose);
+                let (of_target, second) = mixture.e_step(&to, &Transform::IDENTITY);
                 let likelihood = first + second;
                 let [source_pose, target_pose] =
-                    self.poses(&mut mixture, &of_source, &of_target, &pose)?;
+                    self.solve_poses(&mut mixture, &of_source, &of_target, &pose)?;
                 let clouds = [(&of_source[..], &source_pose), (&of_target[..], &target_pose)];
-                mixture.update(clouds, iterations <= HELD);
+                mixture.update_components(clouds, iterations <= FROZEN_ITERATIONS);
                 pose = target_pose.inverse().after(&source_pose);
-                mixture.see_from(&target_pose);
+                mixture.move_components(&target_pose);
                 if self.trace {
                     let weight = clouds.iter().flat_map(|(all, _)| *all).map(|c| c.mass).sum();
                     let k = mixture.variances.len() as f64;
                     let sigma = (mixture.variances.iter().sum::<f64>() / k).sqrt();
-                    trace.push(Step {
+                    trace.push(IterationRecord {
                         iteration: iterations,
-                        transform: frame.outward(&pose),
+                        transform: frame.denormalize_pose(&pose),
                         objective: likelihood,
                         weight,
-                        bandwidth: Some(frame.unit * sigma),
+                        bandwidth: Some(frame.rms_radius * sigma),
                     });
                 }
-                if iterations > HELD + 1 && likelihood - before < self.tolerance {
+                if iterations > FROZEN_ITERATIONS + 1 && likelihood - before < self.tolerance {
                     stop = StopReason::ObjectiveSettled;
                     break;
                 }
@@ -198,22 +198,22 @@ impl Dare {
             }
             Ok::<_, Error>(())
         })?;
-        let (clusters, _) = mixture.explain(&from, &pose);
-        let moments = mixture.moments(&clusters, frame.unit, (frame.source, frame.target));
-        let found = Found {
-            transform: frame.outward(&pose),
+        let (clusters, _) = mixture.e_step(&from, &pose);
+        let moments = mixture.moments(&clusters, frame.rms_radius, (frame.source, frame.target));
+        let found = SolvedPose {
+            transform: frame.denormalize_pose(&pose),
             moments,
-            singular_values: mixture.solve(&clusters, &self.prior)?.singular_values,
+            singular_values: mixture.solve_pose(&clusters, &self.prior)?.singular_values,
             connections: source.len() as u64 * mixture.means.len() as u64,
             iterations,
             stop,
             trace,
-            points: PointCounts { source: Counts::plain(source), target: Counts::plain(target) },
+            points: PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) },
             times,
             config: Method::Dare(config),
             doubts: Vec::new(),
         };
-        Registration::conclude(found, source.into(), target.into())
+        Registration::finish(found, source.into(), target.into())
     }
 
     /// The poses of both clouds in the scene's frame that the M-step gives, `pose` the one
@@ -221,24 +221,24 @@ impl Dare {
     ///
     /// With a prior, which ties them to each other, the scene first follows both as they lie, then
     /// the source alone moves: neither lowers the likelihood.
-    fn poses(
+    fn solve_poses(
         &self,
-        mixture: &mut Mixture,
-        source: &[Cluster],
-        target: &[Cluster],
+        mixture: &mut SceneMixture,
+        source: &[ComponentStatistics],
+        target: &[ComponentStatistics],
         pose: &Transform,
     ) -> Result<[Transform; 2]> {
         if self.prior.is_none() {
-            let solve = |clusters| mixture.solve(clusters, &self.prior);
+            let solve = |clusters| mixture.solve_pose(clusters, &self.prior);
             return Ok([solve(source)?.transform, solve(target)?.transform]);
         }
-        mixture.follow([(source, pose), (target, &Transform::IDENTITY)])?;
-        Ok([mixture.solve(source, &self.prior)?.transform, Transform::IDENTITY])
+        mixture.follow_clouds([(source, pose), (target, &Transform::IDENTITY)])?;
+        Ok([mixture.solve_pose(source, &self.prior)?.transform, Transform::IDENTITY])
     }
 
     /// The scene before anything was seen of it: means on a sphere about both clouds'
     /// centroid, of their standard deviation an axis, and turned with the target.
-    fn scene(&self, source: &View, target: &View, pose: &Transform) -> Mixture {
+    fn initial_mixture(&self, source: &NormalizedCloud, target: &NormalizedCloud, pose: &Transform) -> SceneMixture {
         let moved = source.points.iter().map(|p| pose.apply(p.map(f64::from)));
         let all: Vec<Vec3> = moved.chain(target.points.iter().map(|p| p.map(f64::from))).collect();
         let n = all.len() as f64;
@@ -246,19 +246,19 @@ impl Dare {
         let square = |p: Vec3| math::dot(p, p);
         let spread = all.iter().map(|&p| square(math::sub(p, center))).sum::<f64>() / n;
         // Each cloud about its own centroid: outliers fill the ball that holds both.
-        let radius = source.reach().max(target.reach());
+        let radius = source.radius().max(target.radius());
         let k = self.components.unwrap_or(4);
-        let from_axes = math::transpose(&target.axes());
+        let from_axes = math::transpose(&target.principal_axes());
         let lay = |direction| {
             let turned = math::mat_vec(&from_axes, direction);
             math::add(center, math::scaled(turned, (spread / 3.0).sqrt()))
         };
-        Mixture {
+        SceneMixture {
             means: fibonacci_sphere(k).map(lay).collect(),
             variances: vec![self.initial_sigma.powi(2) * spread; k],
-            outliers: self.outlier_ratio,
+            outlier_ratio: self.outlier_ratio,
             volume: 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
-            blur: self.min_sigma.powi(2),
+            point_variance: self.min_sigma.powi(2),
         }
     }
 }
@@ -276,20 +276,20 @@ fn fibonacci_sphere(count: usize) -> impl Iterator<Item = Vec3> {
 
 /// Where the model lives: each cloud about its centroid, in units of the target's root
 /// mean square radius.
-struct Frame {
+struct NormalizedFrame {
     source: Vec3,
     target: Vec3,
-    unit: f64,
+    rms_radius: f64,
 }
 
-impl Frame {
+impl NormalizedFrame {
     fn new(source: &PointCloud, target: &PointCloud) -> Result<Self> {
-        let unit = positions::unit(source, target)?;
-        Ok(Frame { source: source.centroid(), target: target.centroid(), unit })
+        let unit = position_problem::rms_radius(source, target)?;
+        Ok(NormalizedFrame { source: source.centroid(), target: target.centroid(), rms_radius: unit })
     }
 
-    fn view(&self, cloud: &PointCloud, center: Vec3, neighbors: usize) -> Result<View> {
-        let inward = |p| math::scaled(math::sub(p, center), 1.0 / self.unit).map(|x| x as f32);
+    fn normalize_cloud(&self, cloud: &PointCloud, center: Vec3, neighbors: usize) -> Result<NormalizedCloud> {
+        let inward = |p| math::scaled(math::sub(p, center), 1.0 / self.rms_radius).map(|x| x as f32);
         let points: Vec<[f32; 3]> = cloud.positions().map(inward).collect();
         if points.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e15) {
             return Err(Error::Extent { extent: f64::INFINITY });
@@ -303,19 +303,19 @@ impl Frame {
             let sum: f64 = weights.iter().sum();
             weights.iter_mut().for_each(|weight| *weight /= sum);
         }
-        Ok(View { points, weights })
+        Ok(NormalizedCloud { points, weights })
     }
 
     /// A pose between the clouds as one between their views.
-    fn inward(&self, pose: &Transform) -> Transform {
+    fn normalize_pose(&self, pose: &Transform) -> Transform {
         let shift = math::sub(pose.apply(self.source), self.target);
-        Transform { translation: math::scaled(shift, 1.0 / self.unit), ..*pose }
+        Transform { translation: math::scaled(shift, 1.0 / self.rms_radius), ..*pose }
     }
 
     /// A pose between the views as one between the clouds.
-    fn outward(&self, pose: &Transform) -> Transform {
+    fn denormalize_pose(&self, pose: &Transform) -> Transform {
         let turned = pose.rotate(self.source);
-        let shift = math::sub(math::scaled(pose.translation, self.unit), turned);
+        let shift = math::sub(math::scaled(pose.translation, self.rms_radius), turned);
         Transform { translation: math::add(shift, self.target), ..*pose }
     }
 }

@@ -7,10 +7,10 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use self::surface::{Connected, Surfaces};
-use super::positions::Positions;
-use super::registration::{Counts, Found, PointCounts, Timings};
-use super::{Cached, Method, Refine, Registration, Step, StopReason};
+use self::surface::{PairSet, SurfaceProblem};
+use super::position_problem::PositionProblem;
+use super::registration::{CloudCounts, SolvedPose, PointCounts, Timings};
+use super::{Cached, Method, Refine, Registration, IterationRecord, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -57,7 +57,7 @@ pub struct Icp {
     pub max_distance: Option<f64>,
     /// Share of the pairs that is kept, shortest first, in (0, 1]; default 1. Trimmed ICP
     /// (Chetverikov et al. 2002): a little below the overlap.
-    pub keep: f64,
+    pub trim_ratio: f64,
     /// Whether the source point must also be the nearest of its target point; default no.
     /// Fewer, better pairs under partial overlap, at about twice the time.
     pub reciprocal: bool,
@@ -97,7 +97,7 @@ impl Default for Icp {
         Icp {
             metric: Metric::Point,
             max_distance: None,
-            keep: 1.0,
+            trim_ratio: 1.0,
             reciprocal: false,
             weights: WeightScheme::Uniform,
             bandwidth: None,
@@ -116,9 +116,9 @@ impl Default for Icp {
 
 /// Steps within which a pose that comes back is at rest: a few sets of pairs then lead to
 /// each other without end. Five of 38 refinements of scans by the surface metrics did.
-const CYCLE: usize = 8;
+const CYCLE_LENGTH: usize = 8;
 /// Hold of the surfaces below which a pose is doubted ([`Doubt::Slides`]).
-const LEAST_HOLD: f64 = 1e-4;
+const MIN_PIVOT: f64 = 1e-4;
 
 impl Icp {
     /// The paper's settings (section IV-A) in the meaning that PCL 1.13's
@@ -165,8 +165,8 @@ impl Icp {
         };
         length("max_distance", self.max_distance)?;
         length("bandwidth", self.bandwidth)?;
-        if !(self.keep > 0.0 && self.keep <= 1.0) {
-            return Err(Error::config("keep", self.keep, "must be in (0, 1]"));
+        if !(self.trim_ratio > 0.0 && self.trim_ratio <= 1.0) {
+            return Err(Error::config("keep", self.trim_ratio, "must be in (0, 1]"));
         }
         if self.surface_neighbors < 3 {
             let rule = "must be at least 3: fewer points have no plane";
@@ -204,16 +204,16 @@ impl Icp {
 
     fn run(&self, ends: [Cached<'_>; 2], initial: &Transform) -> Result<Registration> {
         self.validate()?;
-        let counting = ends.map(|end| end.cloud.counting());
-        let ends = [0, 1].map(|k| ends[k].counting(&counting[k]));
+        let counting = ends.map(|end| end.cloud.with_positive_weights());
+        let ends = [0, 1].map(|k| ends[k].restrict_to(&counting[k]));
         let [source, target] = ends.map(|end| end.cloud);
         let mut times = Timings::default();
-        let positions = times.time("tree", || Positions::new(ends[0], ends[1]))?;
+        let positions = times.time("tree", || PositionProblem::new(ends[0], ends[1]))?;
         let config = self.resolved(ends[0], ends[1], initial.scale)?;
         let surfaces = match config.metric {
             Metric::Point => None,
             metric => Some(times.time("normals", || {
-                Surfaces::new(metric, ends, config.surface_neighbors, positions.unit())
+                SurfaceProblem::new(metric, ends, config.surface_neighbors, positions.rms_radius())
             })?),
         };
         let center = source.centroid();
@@ -224,33 +224,33 @@ impl Icp {
             let turned = math::mat_mul(&a.rotation, &math::transpose(&b.rotation));
             let shift = math::norm(math::sub(a.apply(center), b.apply(center)));
             Transform::rigid(turned, [0.0; 3]).angle() <= config.rotation_tolerance
-                && shift <= config.translation_tolerance * positions.unit()
+                && shift <= config.translation_tolerance * positions.rms_radius()
         };
         let mut before = f64::INFINITY;
         let mut iteration = 0;
         let (stop, moments, pairs) = loop {
             iteration += 1;
             let (pairs, error) = times.time("pairs", || {
-                pairs::connect(&config, &positions, &positions.moved(&transform)?)
+                pairs::find_pairs(&config, &positions, &positions.transform_source(&transform)?)
             })?;
-            let moments = moments::of_pairs(source, target, &pairs)?;
-            let on = Connected { source, target, pairs: &pairs };
+            let moments = moments::moments_of_pairs(source, target, &pairs)?;
+            let on = PairSet { source, target, pairs: &pairs };
             transform = times.time("solve", || match &surfaces {
                 Some(surfaces) => self
                     .prior
-                    .nearest(&surfaces.step(on, &transform)?, moments.centered()?.source_mean),
-                None => closed_form(&moments, transform.scale, &self.prior),
+                    .project_pose(&surfaces.gauss_newton_step(on, &transform)?, moments.centered()?.source_mean),
+                None => solve_point_to_point(&moments, transform.scale, &self.prior),
             })?;
             if config.trace {
                 let (objective, weight) = (error.sqrt(), moments.weight);
-                trace.push(Step { iteration, transform, objective, weight, bandwidth: None });
+                trace.push(IterationRecord { iteration, transform, objective, weight, bandwidth: None });
             }
             let change = (before - error).abs();
             let least_change = config.error_tolerance.max(config.relative_error_tolerance * before);
             before = error;
             let rests = recent.iter().any(|pose| is_near(&transform, pose));
             recent.push_back(transform);
-            if recent.len() > CYCLE {
+            if recent.len() > CYCLE_LENGTH {
                 recent.pop_front();
             }
             let stop = if rests {
@@ -265,12 +265,12 @@ impl Icp {
             break (stop, moments, pairs);
         };
         if let Some(surfaces) = &surfaces {
-            let found = surfaces.hold(Connected { source, target, pairs: &pairs }, &transform);
-            if found.is_nan() || found < LEAST_HOLD {
-                doubts.push(Warning::Degenerate { found, needed: LEAST_HOLD });
+            let found = surfaces.min_pivot(PairSet { source, target, pairs: &pairs }, &transform);
+            if found.is_nan() || found < MIN_PIVOT {
+                doubts.push(Warning::Degenerate { found, needed: MIN_PIVOT });
             }
         }
-        let found = Found {
+        let found = SolvedPose {
             transform,
             moments,
             singular_values: pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?
@@ -279,17 +279,17 @@ impl Icp {
             iterations: iteration,
             stop,
             trace,
-            points: PointCounts { source: Counts::plain(source), target: Counts::plain(target) },
+            points: PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) },
             times,
             config: Method::Icp(config),
             doubts,
         };
-        Registration::conclude(found, ends[0], ends[1])
+        Registration::finish(found, ends[0], ends[1])
     }
 }
 
 /// The pose of least squared distance that keeps the scale it started with.
-fn closed_form(moments: &Moments, scale: f64, prior: &Prior) -> Result<Transform> {
+fn solve_point_to_point(moments: &Moments, scale: f64, prior: &Prior) -> Result<Transform> {
     let found = pose::solve_with(moments, Solver::Arun, ScaleEstimate::Fixed, prior)?.transform;
     if scale == 1.0 {
         return Ok(found);
@@ -334,7 +334,7 @@ mod tests {
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert_eq!(field(Icp { max_distance: Some(bad), ..icp.clone() }), "max_distance");
             assert_eq!(field(Icp { bandwidth: Some(bad), ..icp.clone() }), "bandwidth");
-            assert_eq!(field(Icp { keep: bad, ..icp.clone() }), "keep");
+            assert_eq!(field(Icp { trim_ratio: bad, ..icp.clone() }), "keep");
         }
         for bad in [-1e-9, f64::NAN, f64::INFINITY] {
             let with = Icp { rotation_tolerance: bad, ..icp.clone() };

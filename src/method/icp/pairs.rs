@@ -2,7 +2,7 @@
 
 use super::Icp;
 use crate::error::Result;
-use crate::method::positions::Positions;
+use crate::method::position_problem::PositionProblem;
 use crate::moments::WeightedPair;
 use crate::par;
 use crate::search::{Neighbor, SearchTree};
@@ -10,20 +10,20 @@ use crate::weight::{KernelVisitor, WeightKernel};
 
 /// The pairs of the moved source, in the order of its points, and the mean of their
 /// squared distances (weighted, in the target's unit; NaN without weight).
-pub(super) fn connect(
+pub(super) fn find_pairs(
     icp: &Icp,
-    positions: &Positions<'_>,
+    positions: &PositionProblem<'_>,
     moved: &[[f32; 3]],
 ) -> Result<(Vec<WeightedPair>, f64)> {
-    let nearest = positions.nearest(moved);
+    let nearest = positions.nearest_targets(moved);
     let limit = icp.max_distance.map_or(f64::INFINITY, |d| d * d);
     let near = |i: &usize| f64::from(nearest[*i].squared_distance) <= limit;
     let mut chosen: Vec<usize> = (0..moved.len()).filter(near).collect();
     if icp.reciprocal {
-        chosen = mutual(positions, moved, &nearest, chosen)?;
+        chosen = keep_reciprocal(positions, moved, &nearest, chosen)?;
     }
-    if icp.keep < 1.0 {
-        let count = (icp.keep * chosen.len() as f64).ceil() as usize;
+    if icp.trim_ratio < 1.0 {
+        let count = (icp.trim_ratio * chosen.len() as f64).ceil() as usize;
         let distance = |i: usize| nearest[i].squared_distance;
         chosen.sort_by(|&i, &j| distance(i).total_cmp(&distance(j)).then(i.cmp(&j)));
         chosen.truncate(count);
@@ -34,7 +34,7 @@ pub(super) fn connect(
     let squares: Vec<f64> =
         chosen.iter().map(|&i| f64::from(nearest[i].squared_distance)).collect();
     let scaled: Vec<f32> = squares.iter().map(|d| (d / (bandwidth * bandwidth)) as f32).collect();
-    let mut weights = icp.weights.visit(1.0, Weigh(&scaled))?;
+    let mut weights = icp.weights.visit(1.0, KernelWeights(&scaled))?;
     for (weight, &i) in weights.iter_mut().zip(&chosen) {
         *weight *= positions.pair_weight(i, nearest[i].index as usize);
     }
@@ -50,8 +50,8 @@ pub(super) fn connect(
 
 /// Those of `chosen` whose target point has no nearer source point. Equal distances
 /// (duplicates) count as mutual.
-fn mutual(
-    positions: &Positions<'_>,
+fn keep_reciprocal(
+    positions: &PositionProblem<'_>,
     moved: &[[f32; 3]],
     nearest: &[Neighbor],
     chosen: Vec<usize>,
@@ -69,9 +69,9 @@ fn mutual(
     Ok(chosen.into_iter().zip(is_mutual).filter(|(_, mutual)| *mutual).map(|(i, _)| i).collect())
 }
 
-struct Weigh<'a>(&'a [f32]);
+struct KernelWeights<'a>(&'a [f32]);
 
-impl KernelVisitor for Weigh<'_> {
+impl KernelVisitor for KernelWeights<'_> {
     type Output = Vec<f64>;
     fn visit<K: WeightKernel>(self, kernel: K) -> Vec<f64> {
         self.0.iter().map(|&d2| f64::from(kernel.weight(d2))).collect()

@@ -17,7 +17,7 @@
 use faer::{Mat, Side};
 use serde::Serialize;
 
-use super::rotation::{self, Schedule};
+use super::rotation::{self, GncOptions};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::math::{self, Mat3, Vec3};
@@ -46,28 +46,28 @@ pub struct Certificate {
 }
 
 /// Gap at which the splitting ends.
-const ENOUGH: f64 = 1e-3;
+const GAP_TOLERANCE: f64 = 1e-3;
 /// Most rounds; where the gap closes, 20 are usual.
-const MOST_ROUNDS: u32 = 200;
+const MAX_ITERATIONS: u32 = 200;
 /// Step of the splitting, below 2.
 const RELAXATION: f64 = 1.99;
 /// Cost a difference below which it is rounding.
-const LEAST_COST: f64 = 1e-6;
+const MIN_COST: f64 = 1e-6;
 
 /// The certificate of b ≈ R a truncated at `bound`; `None` where the measurements leave
 /// the rotation open.
 pub(super) fn certify(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
-    schedule: Schedule,
+    schedule: GncOptions,
     answer: &Transform,
 ) -> Option<Certificate> {
     let in_bounds = |v: Vec3| math::scaled(v, 1.0 / bound);
     let measurements: Vec<(Vec3, Vec3)> =
         measurements.iter().map(|&(a, b)| (in_bounds(a), in_bounds(b))).collect();
-    let (rotation, cost) = optimum(&measurements, schedule).ok()?;
-    let dual = Dual::new(&measurements, &rotation, cost);
-    let (gap, iterations) = dual.close()?;
+    let (rotation, cost) = minimize_truncated_cost(&measurements, schedule).ok()?;
+    let dual = DualProblem::new(&measurements, &rotation, cost);
+    let (gap, iterations) = dual.minimize_gap()?;
     let found = Transform { rotation, ..*answer };
     let rotation_deg = quality::pose_error(&found, answer, [0.0; 3]).rotation_deg;
     Some(Certificate { gap, rotation_deg, differences: measurements.len(), iterations })
@@ -75,25 +75,25 @@ pub(super) fn certify(
 
 /// A rotation that is the least-squares one of the measurements within its bound of 1, and
 /// its truncated cost.
-fn optimum(measurements: &[(Vec3, Vec3)], schedule: Schedule) -> Result<(Mat3, f64)> {
-    let (rounds, _) = rotation::solve(measurements, 1.0, schedule, &Prior::default())?;
+fn minimize_truncated_cost(measurements: &[(Vec3, Vec3)], schedule: GncOptions) -> Result<(Mat3, f64)> {
+    let (rounds, _) = rotation::estimate_rotation(measurements, 1.0, schedule, &Prior::default())?;
     let mut rotation = rounds.last().map_or(math::IDENTITY, |round| round.rotation);
     let mut weights = Vec::new();
     // Every pass lowers the cost, so that it ends; a limit all the same.
     for _ in 0..100 {
         let kept: Vec<f64> =
-            residuals(measurements, &rotation).map(|r| if r <= 1.0 { 1.0 } else { 0.0 }).collect();
+            squared_residuals(measurements, &rotation).map(|r| if r <= 1.0 { 1.0 } else { 0.0 }).collect();
         if kept == weights {
             break;
         }
-        rotation = rotation::closed_form(measurements, &kept, &Prior::default())?;
+        rotation = rotation::solve_rotation(measurements, &kept, &Prior::default())?;
         weights = kept;
     }
-    Ok((rotation, residuals(measurements, &rotation).map(|r| r.min(1.0)).sum()))
+    Ok((rotation, squared_residuals(measurements, &rotation).map(|r| r.min(1.0)).sum()))
 }
 
 /// Squared residuals.
-fn residuals<'a>(
+fn squared_residuals<'a>(
     measurements: &'a [(Vec3, Vec3)],
     rotation: &'a Mat3,
 ) -> impl Iterator<Item = f64> + 'a {
@@ -106,17 +106,17 @@ fn residuals<'a>(
 type Block = [[f64; 4]; 4];
 
 /// The matrices Q − μJ − Λ, K + 1 blocks of 4 rows, about the rotation found.
-struct Dual {
+struct DualProblem {
     cost: f64,
     /// Blocks (0, k) of Q.
-    ties: Vec<Block>,
+    first_row_blocks: Vec<Block>,
     /// Sum of the diagonal blocks.
-    sum: Block,
+    diagonal_sum: Block,
     /// Where the splitting starts.
-    start: Mat<f64>,
+    initial: Mat<f64>,
 }
 
-impl Dual {
+impl DualProblem {
     fn new(measurements: &[(Vec3, Vec3)], rotation: &Mat3, cost: f64) -> Self {
         let n = measurements.len() + 1;
         let mut start = Mat::zeros(4 * n, 4 * n);
@@ -128,47 +128,47 @@ impl Dual {
         let mut first = sum;
         let back = math::transpose(rotation);
         for (k, (&(a, b), r)) in
-            measurements.iter().zip(residuals(measurements, rotation)).enumerate()
+            measurements.iter().zip(squared_residuals(measurements, rotation)).enumerate()
         {
             let form = pose::product_form(&math::outer(a, math::mat_vec(&back, b)));
             let squares = math::dot(a, a) + math::dot(b, b);
             let sign = if r <= 1.0 { 0.5 } else { -0.5 };
-            let tie = combine(&identity((squares - 1.0) / 2.0), &form, |x, p| sign * (x - p));
-            let own = combine(&identity((squares + 1.0) / 2.0), &form, |x, p| x - p);
+            let tie = combine_blocks(&identity((squares - 1.0) / 2.0), &form, |x, p| sign * (x - p));
+            let own = combine_blocks(&identity((squares + 1.0) / 2.0), &form, |x, p| x - p);
             // Half of what the measurement has beyond its share of the cost stays with it,
             // half goes to the first block: both then carry the tie between them.
-            let mut half = combine(&own, &identity(r.min(1.0)), |x, p| (x - p) / 2.0);
+            let mut half = combine_blocks(&own, &identity(r.min(1.0)), |x, p| (x - p) / 2.0);
             for r in 0..4 {
                 (half[r][0], half[0][r]) = (-tie[r][0], -tie[r][0]);
             }
-            first = combine(&first, &combine(&own, &half, |x, h| x - h), |x, y| x + y);
-            sum = combine(&sum, &own, |x, y| x + y);
+            first = combine_blocks(&first, &combine_blocks(&own, &half, |x, h| x - h), |x, y| x + y);
+            sum = combine_blocks(&sum, &own, |x, y| x + y);
             let at = 4 * (k + 1);
-            for (r, c) in entries() {
+            for (r, c) in block_entries() {
                 start[(at + r, at + c)] = half[r][c];
                 start[(r, at + c)] = tie[r][c];
                 start[(at + c, r)] = tie[r][c];
             }
             ties.push(tie);
         }
-        entries().for_each(|(r, c)| start[(r, c)] = first[r][c]);
-        Dual { cost, ties, sum, start }
+        block_entries().for_each(|(r, c)| start[(r, c)] = first[r][c]);
+        DualProblem { cost, first_row_blocks: ties, diagonal_sum: sum, initial: start }
     }
 
     /// The least gap found and the rounds it took; `None` when the eigenvalues of a round
     /// did not come out.
-    fn close(self) -> Option<(f64, u32)> {
-        let n = self.ties.len() as f64;
-        let size = self.cost.max(LEAST_COST * (n - 1.0));
-        let mut point = self.start.clone();
+    fn minimize_gap(self) -> Option<(f64, u32)> {
+        let n = self.first_row_blocks.len() as f64;
+        let size = self.cost.max(MIN_COST * (n - 1.0));
+        let mut point = self.initial.clone();
         let mut gap = 1.0f64;
-        for round in 1..=MOST_ROUNDS {
-            let positive = positive_part(&point)?;
+        for round in 1..=MAX_ITERATIONS {
+            let positive = project_to_psd(&point)?;
             let mut near = &positive + &positive - &point;
-            self.project(&mut near);
+            self.project_to_dual(&mut near);
             let least = *near.self_adjoint_eigenvalues(Side::Lower).ok()?.first()?;
             gap = gap.min(n * (-least).max(0.0) / size);
-            if gap <= ENOUGH {
+            if gap <= GAP_TOLERANCE {
                 return Some((gap, round));
             }
             for (j, column) in point.col_iter_mut().enumerate() {
@@ -177,29 +177,29 @@ impl Dual {
                 }
             }
         }
-        Some((gap, MOST_ROUNDS))
+        Some((gap, MAX_ITERATIONS))
     }
 
     /// The nearest matrix to the symmetric `x` of the form Q − μJ − Λ with [e, …, e] in its
     /// kernel.
-    fn project(&self, x: &mut Mat<f64>) {
-        let n = self.ties.len();
-        let mut excess = self.sum;
-        for (i, (r, c)) in (0..n).flat_map(|i| entries().map(move |at| (i, at))) {
+    fn project_to_dual(&self, x: &mut Mat<f64>) {
+        let n = self.first_row_blocks.len();
+        let mut excess = self.diagonal_sum;
+        for (i, (r, c)) in (0..n).flat_map(|i| block_entries().map(move |at| (i, at))) {
             excess[r][c] -= x[(4 * i + r, 4 * i + c)];
         }
         // How far each block row is from sending [e, …, e] to zero.
         let mut rest = vec![[0.0; 4]; n];
         for i in 0..n {
-            for (r, c) in entries() {
+            for (r, c) in block_entries() {
                 x[(4 * i + r, 4 * i + c)] += excess[r][c] / n as f64;
             }
             (0..4).for_each(|r| rest[i][r] += x[(4 * i + r, 4 * i)]);
             for j in i + 1..n {
-                let skew = block(x, i, j, |here, across| (here - across) / 2.0);
-                for (r, c) in entries() {
-                    let tie = if i == 0 { self.ties[j][r][c] } else { 0.0 };
-                    set(x, (4 * i + r, 4 * j + c), tie + skew[r][c]);
+                let skew = combine_with_transpose(x, i, j, |here, across| (here - across) / 2.0);
+                for (r, c) in block_entries() {
+                    let tie = if i == 0 { self.first_row_blocks[j][r][c] } else { 0.0 };
+                    set_symmetric(x, (4 * i + r, 4 * j + c), tie + skew[r][c]);
                 }
                 (0..4).for_each(|r| rest[i][r] += x[(4 * i + r, 4 * j)]);
                 (0..4).for_each(|r| rest[j][r] += x[(4 * j + r, 4 * i)]);
@@ -221,36 +221,36 @@ impl Dual {
                 for r in 1..4 {
                     let part = (rest[i][r] - rest[j][r]) / 4.0;
                     let (down, across) = ((4 * i + r, 4 * j), (4 * i, 4 * j + r));
-                    set(x, down, x[down] - part);
-                    set(x, across, x[across] + part);
+                    set_symmetric(x, down, x[down] - part);
+                    set_symmetric(x, across, x[across] + part);
                 }
             }
         }
     }
 }
 
-fn entries() -> impl Iterator<Item = (usize, usize)> {
+fn block_entries() -> impl Iterator<Item = (usize, usize)> {
     (0..4).flat_map(|r| (0..4).map(move |c| (r, c)))
 }
 
-fn combine(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block {
+fn combine_blocks(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block {
     [0, 1, 2, 3].map(|r| [0, 1, 2, 3].map(|c| with(a[r][c], b[r][c])))
 }
 
 /// Block (i, j) combined with its transpose.
-fn block(x: &Mat<f64>, i: usize, j: usize, with: impl Fn(f64, f64) -> f64) -> Block {
+fn combine_with_transpose(x: &Mat<f64>, i: usize, j: usize, with: impl Fn(f64, f64) -> f64) -> Block {
     let at = |r: usize, c: usize| x[(4 * i + r, 4 * j + c)];
     [0, 1, 2, 3].map(|r| [0, 1, 2, 3].map(|c| with(at(r, c), at(c, r))))
 }
 
 /// Sets an entry and its mirror image.
-fn set(x: &mut Mat<f64>, (row, column): (usize, usize), value: f64) {
+fn set_symmetric(x: &mut Mat<f64>, (row, column): (usize, usize), value: f64) {
     x[(row, column)] = value;
     x[(column, row)] = value;
 }
 
 /// The nearest positive semidefinite matrix.
-fn positive_part(x: &Mat<f64>) -> Option<Mat<f64>> {
+fn project_to_psd(x: &Mat<f64>) -> Option<Mat<f64>> {
     let eigen = x.self_adjoint_eigen(Side::Lower).ok()?;
     let n = x.nrows();
     let roots: Vec<f64> = (0..n).map(|k| eigen.S()[k].max(0.0).sqrt()).collect();
@@ -265,8 +265,8 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    const SCHEDULE: Schedule =
-        Schedule { factor: 1.4, cost_threshold: 0.005, max_iterations: 1000 };
+    const SCHEDULE: GncOptions =
+        GncOptions { factor: 1.4, cost_threshold: 0.005, max_iterations: 1000 };
 
     /// Unit vectors under a rotation, the first `wrong` of them anywhere; all off by up to
     /// `noise` along each axis.
@@ -289,7 +289,7 @@ mod tests {
         for (count, wrong) in [(4, 0), (20, 0), (40, 10), (40, 20), (99, 20)] {
             let measurements = measurements(count, wrong, 0.02, count as u64);
             let found = certify(&measurements, 0.1, SCHEDULE, &Transform::IDENTITY).unwrap();
-            assert!(found.gap <= ENOUGH && found.differences == count, "{found:?}");
+            assert!(found.gap <= GAP_TOLERANCE && found.differences == count, "{found:?}");
         }
     }
 
@@ -299,12 +299,12 @@ mod tests {
             .iter()
             .map(|&(a, b)| (math::scaled(a, 10.0), math::scaled(b, 10.0)))
             .collect();
-        let (best, cost) = optimum(&measurements, SCHEDULE).unwrap();
+        let (best, cost) = minimize_truncated_cost(&measurements, SCHEDULE).unwrap();
         for angle in [0.02, 0.1, 3.0] {
             let turn = Transform::from_rotation_vector([angle, 0.0, 0.0]).rotation;
             let worse = math::mat_mul(&best, &turn);
-            let found: f64 = residuals(&measurements, &worse).map(|r| r.min(1.0)).sum();
-            let (gap, _) = Dual::new(&measurements, &worse, found).close().unwrap();
+            let found: f64 = squared_residuals(&measurements, &worse).map(|r| r.min(1.0)).sum();
+            let (gap, _) = DualProblem::new(&measurements, &worse, found).minimize_gap().unwrap();
             // The bound is one: no larger than what the best rotation saves.
             assert!(gap >= 1.0 - cost / found, "{angle}: {gap} {cost} {found}");
         }
@@ -318,14 +318,14 @@ mod tests {
                 .iter()
                 .map(|&(a, b)| (math::scaled(a, 4.0), math::scaled(b, 4.0)))
                 .collect();
-            let (rotation, cost) = optimum(&measurements, SCHEDULE).unwrap();
-            let (gap, _) = Dual::new(&measurements, &rotation, cost).close().unwrap();
+            let (rotation, cost) = minimize_truncated_cost(&measurements, SCHEDULE).unwrap();
+            let (gap, _) = DualProblem::new(&measurements, &rotation, cost).minimize_gap().unwrap();
             let steps = |k: usize| (0..24).map(move |i| k as f64 * (i as f64 / 12.0 - 1.0));
             for (x, y, z) in
                 steps(3).flat_map(|x| steps(3).flat_map(move |y| steps(3).map(move |z| (x, y, z))))
             {
                 let turn = Transform::from_rotation_vector([x, y, z]).rotation;
-                let found: f64 = residuals(&measurements, &turn).map(|r| r.min(1.0)).sum();
+                let found: f64 = squared_residuals(&measurements, &turn).map(|r| r.min(1.0)).sum();
                 assert!(found >= cost * (1.0 - gap) - 1e-9, "{seed}: {found} {cost} {gap}");
             }
         }
@@ -334,19 +334,19 @@ mod tests {
     #[test]
     fn the_projection_is_the_nearest_of_its_form() {
         let measurements = measurements(5, 2, 0.02, 1);
-        let (rotation, cost) = optimum(&measurements, SCHEDULE).unwrap();
-        let dual = Dual::new(&measurements, &rotation, cost);
-        let n = 4 * dual.ties.len();
+        let (rotation, cost) = minimize_truncated_cost(&measurements, SCHEDULE).unwrap();
+        let dual = DualProblem::new(&measurements, &rotation, cost);
+        let n = 4 * dual.first_row_blocks.len();
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut near = |_: usize, _: usize| (rng.next_u64() >> 40) as f64 / (1u64 << 24) as f64;
         let any = Mat::from_fn(n, n, &mut near);
         let any = &any + any.transpose();
         let project = |x: &Mat<f64>| {
             let mut x = x.clone();
-            dual.project(&mut x);
+            dual.project_to_dual(&mut x);
             x
         };
-        let (a, b) = (project(&any), project(&dual.start));
+        let (a, b) = (project(&any), project(&dual.initial));
         let kernel: f64 =
             (0..n).map(|i| (0..n / 4).map(|j| a[(i, 4 * j)]).sum::<f64>().abs()).sum();
         assert!(kernel < 1e-9, "{kernel}");

@@ -5,45 +5,45 @@
 //! neighbours only, pruned by the number of colours (Tomita and Kameda 2007) on rows of
 //! bits.
 
-use crate::method::graph::{Graph, count, members};
+use crate::method::compatibility_graph::{CompatibilityGraph, count_set_bits, set_bits};
 use crate::par;
 
 /// What a search found.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clique {
     /// Vertices, ascending.
-    pub(super) members: Vec<usize>,
+    pub(super) vertices: Vec<usize>,
     /// Whether no larger clique exists; false when the search ended at its limit.
     pub(super) proved: bool,
 }
 
 /// The largest clique of `graph`. The search touches about `steps` words of bits at most,
 /// a limit that is the same on every machine.
-pub(super) fn largest(graph: &Graph, steps: u64) -> Clique {
-    let (order, cores) = degeneracy(graph);
-    let mut best = greedy(graph, &order, &cores);
+pub(super) fn find_maximum_clique(graph: &CompatibilityGraph, steps: u64) -> Clique {
+    let (order, cores) = degeneracy_order(graph);
+    let mut best = find_greedy_clique(graph, &order, &cores);
     let mut left = steps;
-    let mut later = vec![0; graph.words()];
+    let mut later = vec![0; graph.words_per_row()];
     let mut proved = true;
     // From the densest part outwards: large cliques come early and prune the rest.
     for &v in order.iter().rev() {
         if cores[v] >= best.len() {
-            let shared = later.iter().zip(graph.row(v)).map(|(a, b)| a & b).collect::<Vec<u64>>();
+            let shared = later.iter().zip(graph.adjacency_row(v)).map(|(a, b)| a & b).collect::<Vec<u64>>();
             let able = |&w: &usize| cores[w] >= best.len();
-            let candidates: Vec<usize> = members(&shared).filter(able).collect();
+            let candidates: Vec<usize> = set_bits(&shared).filter(able).collect();
             if candidates.len() >= best.len() {
-                let part = graph.induced(&candidates);
+                let part = graph.induced_subgraph(&candidates);
                 let spent = (candidates.len() * candidates.len()) as u64;
-                let mut search = Search {
+                let mut search = CliqueSearch {
                     graph: &part,
-                    left: left.saturating_sub(spent),
-                    chosen: Vec::new(),
+                    remaining_steps: left.saturating_sub(spent),
+                    clique: Vec::new(),
                     best: Vec::new(),
                     bound: best.len() - 1,
                 };
-                let all = full(candidates.len(), part.words());
+                let all = first_bits(candidates.len(), part.words_per_row());
                 proved &= search.expand(all);
-                left = search.left;
+                left = search.remaining_steps;
                 if !search.best.is_empty() {
                     best = search.best.iter().map(|&place| candidates[place]).collect();
                     best.push(v);
@@ -56,10 +56,10 @@ pub(super) fn largest(graph: &Graph, steps: u64) -> Clique {
         later[v / 64] |= 1 << (v % 64);
     }
     best.sort_unstable();
-    Clique { members: best, proved }
+    Clique { vertices: best, proved }
 }
 
-fn full(len: usize, words: usize) -> Vec<u64> {
+fn first_bits(len: usize, words: usize) -> Vec<u64> {
     let mut bits = vec![0; words];
     (0..len).for_each(|i| bits[i / 64] |= 1 << (i % 64));
     bits
@@ -68,7 +68,7 @@ fn full(len: usize, words: usize) -> Vec<u64> {
 /// Vertices from the outermost k-core inwards, and each one's core number: the greatest k
 /// such that it is in a subgraph whose degrees are all at least k (Batagelj and Zaversnik
 /// 2003). A clique of c vertices lies within the core of c − 1.
-fn degeneracy(graph: &Graph) -> (Vec<usize>, Vec<usize>) {
+fn degeneracy_order(graph: &CompatibilityGraph) -> (Vec<usize>, Vec<usize>) {
     let n = graph.len();
     let mut degrees: Vec<usize> = (0..n).map(|v| graph.degree(v)).collect();
     let mut bins = vec![Vec::new(); n.max(1)];
@@ -89,7 +89,7 @@ fn degeneracy(graph: &Graph) -> (Vec<usize>, Vec<usize>) {
         core = core.max(low);
         cores[v] = core;
         order.push(v);
-        for w in members(graph.row(v)).filter(|&w| !done[w]) {
+        for w in set_bits(graph.adjacency_row(v)).filter(|&w| !done[w]) {
             degrees[w] -= 1;
             bins[degrees[w]].push(w);
         }
@@ -99,19 +99,19 @@ fn degeneracy(graph: &Graph) -> (Vec<usize>, Vec<usize>) {
 }
 
 /// The best of one greedy clique a vertex: always the candidate of the highest core next.
-fn greedy(graph: &Graph, order: &[usize], cores: &[usize]) -> Vec<usize> {
+fn find_greedy_clique(graph: &CompatibilityGraph, order: &[usize], cores: &[usize]) -> Vec<usize> {
     let mut best: Vec<usize> = order.last().copied().into_iter().collect();
-    for &v in order.iter().rev().filter(|&&v| cores[v] > 0).take(GREEDY_STARTS) {
+    for &v in order.iter().rev().filter(|&&v| cores[v] > 0).take(MAX_GREEDY_STARTS) {
         if cores[v] < best.len() {
             continue;
         }
         let mut clique = vec![v];
         let mut candidates: Vec<usize> =
-            members(graph.row(v)).filter(|&w| cores[w] >= best.len()).collect();
+            set_bits(graph.adjacency_row(v)).filter(|&w| cores[w] >= best.len()).collect();
         // Stable: equals stay in order of index.
         candidates.sort_by(|&a, &b| cores[b].cmp(&cores[a]));
         for w in candidates {
-            if clique.iter().all(|&u| graph.joined(u, w)) {
+            if clique.iter().all(|&u| graph.has_edge(u, w)) {
                 clique.push(w);
             }
         }
@@ -123,42 +123,42 @@ fn greedy(graph: &Graph, order: &[usize], cores: &[usize]) -> Vec<usize> {
 }
 
 /// Vertices that a greedy clique is grown from.
-const GREEDY_STARTS: usize = 1000;
+const MAX_GREEDY_STARTS: usize = 1000;
 
-struct Search<'a> {
-    graph: &'a Graph,
-    left: u64,
-    chosen: Vec<usize>,
+struct CliqueSearch<'a> {
+    graph: &'a CompatibilityGraph,
+    remaining_steps: u64,
+    clique: Vec<usize>,
     best: Vec<usize>,
     /// Only larger cliques are of interest.
     bound: usize,
 }
 
-impl Search<'_> {
+impl CliqueSearch<'_> {
     /// Searches the cliques of `chosen` and any of `candidates`; false when the steps ran
     /// out.
     fn expand(&mut self, mut candidates: Vec<u64>) -> bool {
-        if self.left == 0 {
+        if self.remaining_steps == 0 {
             return false;
         }
         par::checkpoint();
-        let (vertices, colors) = self.color(&candidates);
+        let (vertices, colors) = self.color_vertices(&candidates);
         // The last colours first; those before are too few once one is.
         for (&v, &color) in vertices.iter().zip(&colors).rev() {
-            if self.chosen.len() + color <= self.bound {
+            if self.clique.len() + color <= self.bound {
                 return true;
             }
-            self.chosen.push(v);
+            self.clique.push(v);
             let rest: Vec<u64> =
-                candidates.iter().zip(self.graph.row(v)).map(|(a, b)| a & b).collect();
+                candidates.iter().zip(self.graph.adjacency_row(v)).map(|(a, b)| a & b).collect();
             if rest.iter().any(|&word| word != 0) {
                 if !self.expand(rest) {
                     return false;
                 }
-            } else if self.chosen.len() > self.bound {
-                (self.bound, self.best) = (self.chosen.len(), self.chosen.clone());
+            } else if self.clique.len() > self.bound {
+                (self.bound, self.best) = (self.clique.len(), self.clique.clone());
             }
-            self.chosen.pop();
+            self.clique.pop();
             candidates[v / 64] &= !(1 << (v % 64));
         }
         true
@@ -166,8 +166,8 @@ impl Search<'_> {
 
     /// Colours `candidates` so that neighbours differ; vertices by ascending colour, from 1.
     /// No clique has more vertices than colours.
-    fn color(&mut self, candidates: &[u64]) -> (Vec<usize>, Vec<usize>) {
-        let size = count(candidates);
+    fn color_vertices(&mut self, candidates: &[u64]) -> (Vec<usize>, Vec<usize>) {
+        let size = count_set_bits(candidates);
         let (mut vertices, mut colors) = (Vec::with_capacity(size), Vec::with_capacity(size));
         let mut uncolored = candidates.to_vec();
         let mut color = 0;
@@ -182,12 +182,12 @@ impl Search<'_> {
                     colors.push(color);
                     uncolored[at] &= !(1 << (v % 64));
                     free[at] &= !(1 << (v % 64));
-                    let row = self.graph.row(v);
+                    let row = self.graph.adjacency_row(v);
                     free[at..].iter_mut().zip(&row[at..]).for_each(|(word, &bits)| *word &= !bits);
                 }
             }
         }
-        self.left = self.left.saturating_sub(((size + color) * candidates.len()) as u64);
+        self.remaining_steps = self.remaining_steps.saturating_sub(((size + color) * candidates.len()) as u64);
         (vertices, colors)
     }
 }
@@ -197,10 +197,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn brute(graph: &Graph) -> usize {
+    fn brute(graph: &CompatibilityGraph) -> usize {
         let clique = |subset: u32| {
             let members: Vec<usize> = (0..graph.len()).filter(|v| subset >> v & 1 == 1).collect();
-            members.iter().all(|&v| members.iter().all(|&w| v == w || graph.joined(v, w)))
+            members.iter().all(|&v| members.iter().all(|&w| v == w || graph.has_edge(v, w)))
         };
         (0..1u32 << graph.len())
             .filter(|&subset| clique(subset))
@@ -217,12 +217,12 @@ mod tests {
             density in 0.05..0.95f64,
         ) {
             let edge = |i: usize, j: usize| edges[i.max(j) * (i.max(j) - 1) / 2 + i.min(j)] < density;
-            let graph = Graph::new(n, edge);
-            let found = largest(&graph, u64::MAX);
+            let graph = CompatibilityGraph::new(n, edge);
+            let found = find_maximum_clique(&graph, u64::MAX);
             prop_assert!(found.proved);
-            prop_assert_eq!(found.members.len(), brute(&graph));
-            for &v in &found.members {
-                prop_assert!(found.members.iter().all(|&w| v == w || graph.joined(v, w)));
+            prop_assert_eq!(found.vertices.len(), brute(&graph));
+            for &v in &found.vertices {
+                prop_assert!(found.vertices.iter().all(|&w| v == w || graph.has_edge(v, w)));
             }
         }
     }
@@ -238,17 +238,17 @@ mod tests {
     fn a_planted_clique_among_many_is_found_and_proved() {
         let planted = |v: usize| v.is_multiple_of(37);
         let edge = |i: usize, j: usize| (planted(i) && planted(j)) || noise(i, j) < 0.05;
-        let graph = Graph::new(1500, edge);
-        let found = largest(&graph, 1_000_000_000);
+        let graph = CompatibilityGraph::new(1500, edge);
+        let found = find_maximum_clique(&graph, 1_000_000_000);
         assert!(found.proved);
-        assert_eq!(found.members, (0..1500).filter(|&v| planted(v)).collect::<Vec<_>>());
+        assert_eq!(found.vertices, (0..1500).filter(|&v| planted(v)).collect::<Vec<_>>());
     }
 
     #[test]
     fn without_steps_the_greedy_clique_is_not_proved() {
-        let graph = Graph::new(400, |i, j| noise(i, j) < 0.6);
-        let found = largest(&graph, 1);
-        assert!(!found.proved && found.members.len() > 3);
-        assert_eq!(found, largest(&graph, 1));
+        let graph = CompatibilityGraph::new(400, |i, j| noise(i, j) < 0.6);
+        let found = find_maximum_clique(&graph, 1);
+        assert!(!found.proved && found.vertices.len() > 3);
+        assert_eq!(found, find_maximum_clique(&graph, 1));
     }
 }

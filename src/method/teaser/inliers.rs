@@ -1,27 +1,27 @@
 //! Which matches agree with a pose, and how many chance alone would bring together.
 
-use super::matches::Matches;
+use super::correspondences::CenteredCorrespondences;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 
 /// Fewest inliers that are believed, whatever chance is: three fix a pose, a fourth and a
 /// fifth confirm it.
-const FEWEST_INLIERS: usize = 5;
+const MIN_INLIERS: usize = 5;
 
 /// Differences that chance is measured on, on either side.
-const CHANCE_DIFFERENCES: usize = 125_000;
+const MAX_CHANCE_DIFFERENCES: usize = 125_000;
 
 /// Fewest inliers that are believed.
-pub(super) fn needed(matches: &Matches, scale: f64, difference_bound: f64) -> usize {
-    beyond_chance(matches.len(), chance(matches, scale, difference_bound)).max(FEWEST_INLIERS)
+pub(super) fn min_inliers(matches: &CenteredCorrespondences, scale: f64, difference_bound: f64) -> usize {
+    min_significant_size(matches.len(), chance_consistency(matches, scale, difference_bound)).max(MIN_INLIERS)
 }
 
 /// Share of the pairs of a source and a target distance, of no matter which matches, that
 /// agree: how often wrong matches are consistent, however many are right.
-fn chance(matches: &Matches, scale: f64, difference_bound: f64) -> f64 {
+fn chance_consistency(matches: &CenteredCorrespondences, scale: f64, difference_bound: f64) -> f64 {
     let lengths = |(a, b): (Vec3, Vec3)| (scale * math::norm(a), math::norm(b));
     let (mut there, mut here): (Vec<f64>, Vec<f64>) =
-        matches.differences(CHANCE_DIFFERENCES).into_iter().map(lengths).unzip();
+        matches.pairwise_differences(MAX_CHANCE_DIFFERENCES).into_iter().map(lengths).unzip();
     there.sort_unstable_by(f64::total_cmp);
     here.sort_unstable_by(f64::total_cmp);
     // Both ends of the window only go up.
@@ -39,7 +39,7 @@ fn chance(matches: &Matches, scale: f64, difference_bound: f64) -> f64 {
 }
 
 /// Matches whose error is within the bound along every axis.
-pub(super) fn agreeing(matches: &Matches, transform: &Transform, bound: f64) -> Vec<usize> {
+pub(super) fn find_inliers(matches: &CenteredCorrespondences, transform: &Transform, bound: f64) -> Vec<usize> {
     let (source_origin, target_origin) = matches.origins();
     let shift = math::sub(transform.apply(source_origin), target_origin);
     let within = |&k: &usize| {
@@ -56,7 +56,7 @@ pub(super) fn agreeing(matches: &Matches, transform: &Transform, bound: f64) -> 
 /// k points in space have 3k − 6 independent distances, so that chance makes about
 /// C(n, k) density^(3k − 6) sets of k consistent. The least k beyond the crest of that
 /// number where it is below 1/100.
-fn beyond_chance(matches: usize, density: f64) -> usize {
+fn min_significant_size(matches: usize, density: f64) -> usize {
     let n = matches as f64;
     let mut logarithm = 0.0;
     for k in 1..=matches {
@@ -77,8 +77,8 @@ mod tests {
 
     #[test]
     fn more_agreeing_pairs_call_for_more_inliers() {
-        assert!(beyond_chance(1000, 0.01) <= FEWEST_INLIERS);
-        assert!(beyond_chance(1000, 0.05) < beyond_chance(1000, 0.1));
-        assert_eq!(beyond_chance(10, 1.0), 10 + 1);
+        assert!(min_significant_size(1000, 0.01) <= MIN_INLIERS);
+        assert!(min_significant_size(1000, 0.05) < min_significant_size(1000, 0.1));
+        assert_eq!(min_significant_size(10, 1.0), 10 + 1);
     }
 }

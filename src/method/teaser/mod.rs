@@ -3,27 +3,27 @@
 mod certificate;
 mod clique;
 mod inliers;
-pub(super) mod matches;
+pub(super) mod correspondences;
 mod rotation;
 mod voting;
 
 use serde::{Deserialize, Serialize};
 
-use super::prepared::Describe;
-use super::registration::{Counts, Found, PointCounts, Registration, Timings};
-use super::schedule::{Step, StopReason};
+use super::features::FeatureConfig;
+use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::termination::{IterationRecord, StopReason};
 use super::{Cached, Method, Register};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::method::graph::Graph;
+use crate::method::compatibility_graph::CompatibilityGraph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::quality::Warning;
 pub use certificate::Certificate;
-use matches::Matches;
-use rotation::{Round, Schedule};
+use correspondences::CenteredCorrespondences;
+use rotation::{GncIteration, GncOptions};
 
 /// TEASER (Yang, Shi and Carlone 2021): matches by descriptor, the largest set of them that
 /// keeps distances, then rotation and translation by truncated least squares.
@@ -48,7 +48,7 @@ use rotation::{Round, Schedule};
 pub struct Teaser {
     /// How points are described.
     #[serde(flatten)]
-    pub describe: Describe,
+    pub features: FeatureConfig,
     /// Whether a match must be nearest by descriptor both ways; default yes (the paper,
     /// section IV-B). No gives more matches, most of them wrong.
     pub cross_check: bool,
@@ -90,7 +90,7 @@ pub struct Teaser {
 impl Default for Teaser {
     fn default() -> Self {
         Teaser {
-            describe: Describe::default(),
+            features: FeatureConfig::default(),
             cross_check: true,
             noise_bound: None,
             estimate_scale: false,
@@ -125,13 +125,13 @@ impl Default for Teaser {
 /// | 0.05 (some 10) | - | 53, 64, 79, 98 | 0.226, 0.188, 0.159, 0.093 |
 ///
 /// Robustness has the same points twice, which favours small bounds; scans do not.
-const BOUND_IN_RESOLUTIONS: f64 = 4.0;
+const NOISE_BOUND_RESOLUTIONS: f64 = 4.0;
 /// Most matches: their graph then takes 512 MB.
-const MOST_MATCHES: usize = 1 << 16;
+const MAX_CORRESPONDENCES: usize = 1 << 16;
 /// Most differences between matches that the rotation is solved from: all pairs of 500.
-const ROTATION_DIFFERENCES: usize = 125_000;
+const MAX_ROTATION_DIFFERENCES: usize = 125_000;
 /// Most that a certificate is about: each makes its matrix four rows longer.
-const CERTIFIED_DIFFERENCES: usize = 100;
+const MAX_CERTIFICATE_DIFFERENCES: usize = 100;
 
 impl Teaser {
     /// Checks the ranges.
@@ -139,7 +139,7 @@ impl Teaser {
     /// # Errors
     /// [`Error::Config`] that names the setting; those of [`Describe::validate`].
     pub fn validate(&self) -> Result<()> {
-        self.describe.validate()?;
+        self.features.validate()?;
         if let Some(bound) = self.noise_bound.filter(|&x| !(x > 0.0 && x <= 1e15)) {
             return Err(Error::config("noise_bound", bound, "must be above 0 and at most 1e15"));
         }
@@ -171,7 +171,7 @@ impl Teaser {
     /// [`Error::Shape`] for an index beyond its cloud, [`Error::TooFewPoints`] when fewer
     /// than three matches are consistent, [`Error::Degenerate`] when those determine no
     /// rotation, [`Error::Config`] for a setting out of range or too many matches.
-    pub fn register_matches(
+    pub fn register_correspondences(
         &self,
         source: &PointCloud,
         target: &PointCloud,
@@ -186,10 +186,10 @@ impl Teaser {
                 [source, target].map(PointCloud::origin),
             );
             let weights = [source, target].map(PointCloud::weights);
-            let pairs: Vec<(u32, u32)> = pairs.iter().copied().filter(counts(weights)).collect();
-            let matches = Matches::new(&pairs, points, origins);
+            let pairs: Vec<(u32, u32)> = pairs.iter().copied().filter(has_positive_weights(weights)).collect();
+            let matches = CenteredCorrespondences::new(&pairs, points, origins);
             let counts =
-                PointCounts { source: Counts::plain(source), target: Counts::plain(target) };
+                PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
             self.solve(&matches, source.into(), target.into(), counts, Timings::default())
         })?
     }
@@ -197,12 +197,12 @@ impl Teaser {
     fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         self.validate()?;
         let mut times = Timings::default();
-        let [source_side, target_side] = self.describe.pair([source, target], None, &mut times)?;
-        let (p, q) = (source_side.described(), target_side.described());
+        let [source_side, target_side] = self.features.extract_pair([source, target], None, &mut times)?;
+        let (p, q) = (source_side.view(), target_side.view());
         let matches = times.time("matches", || {
-            let mut pairs = matches::similar(&FullConnection::new(p, q)?, self.cross_check);
-            pairs.retain(counts([source_side.weights(), target_side.weights()]));
-            Ok::<_, Error>(Matches::new(&pairs, [p.points, q.points], [p.origin, q.origin]))
+            let mut pairs = correspondences::match_features(&FullConnection::new(p, q)?, self.cross_check);
+            pairs.retain(has_positive_weights([source_side.weights(), target_side.weights()]));
+            Ok::<_, Error>(CenteredCorrespondences::new(&pairs, [p.points, q.points], [p.origin, q.origin]))
         })?;
         let counts = PointCounts { source: source_side.counts(), target: target_side.counts() };
         self.solve(&matches, source, target, counts, times)
@@ -210,44 +210,44 @@ impl Teaser {
 
     fn solve(
         &self,
-        matches: &Matches,
+        matches: &CenteredCorrespondences,
         source: Cached<'_>,
         target: Cached<'_>,
         points: PointCounts,
         mut times: Timings,
     ) -> Result<Registration> {
-        check_number(matches.len(), "the list of matches")?;
-        if matches.len() > MOST_MATCHES {
-            let rule = format!("at most {MOST_MATCHES} can be compared: thin the clouds first");
+        check_count(matches.len(), "the list of matches")?;
+        if matches.len() > MAX_CORRESPONDENCES {
+            let rule = format!("at most {MAX_CORRESPONDENCES} can be compared: thin the clouds first");
             return Err(Error::config("matches", matches.len(), rule));
         }
-        let bound = self.bound(source, target)?;
+        let bound = self.resolve_noise_bound(source, target)?;
         // Both points of a difference may be off.
         let difference_bound = 2.0 * bound;
         let scale = match self.estimate_scale {
-            true => times.time("scale", || voting::scale(matches, difference_bound))?,
+            true => times.time("scale", || voting::vote_scale(matches, difference_bound))?,
             false => 1.0,
         };
         let graph = times.time("graph", || {
-            let joined = |k, l| matches.consistent(k, l, scale, difference_bound);
-            Graph::new(matches.len(), joined)
+            let joined = |k, l| matches.are_consistent(k, l, scale, difference_bound);
+            CompatibilityGraph::new(matches.len(), joined)
         });
         let steps = self.clique_steps.saturating_mul(1000);
-        let clique = times.time("clique", || clique::largest(&graph, steps));
-        check_number(clique.members.len(), "the largest set of consistent matches")?;
+        let clique = times.time("clique", || clique::find_maximum_clique(&graph, steps));
+        check_count(clique.vertices.len(), "the largest set of consistent matches")?;
         let mut doubts = Vec::new();
         if !clique.proved {
-            doubts.push(Warning::CliqueNotProved { found: clique.members.len() });
+            doubts.push(Warning::CliqueNotProved { found: clique.vertices.len() });
         }
-        let kept = matches.select(&clique.members);
+        let kept = matches.select(&clique.vertices);
         let (rounds, settled) = times.time("rotation", || {
-            let differences = scaled(kept.differences(ROTATION_DIFFERENCES), scale);
-            rotation::solve(&differences, difference_bound, self.schedule(), &self.prior)
+            let differences = scale_differences(kept.pairwise_differences(MAX_ROTATION_DIFFERENCES), scale);
+            rotation::estimate_rotation(&differences, difference_bound, self.gnc_options(), &self.prior)
         })?;
-        let pose = |round: &Round| voting::translated(&kept, &round.rotation, scale, bound);
+        let pose = |round: &GncIteration| voting::vote_translation(&kept, &round.rotation, scale, bound);
         let transform = rounds.last().map_or(Transform::IDENTITY, pose);
-        let inliers = inliers::agreeing(&kept, &transform, bound);
-        let needed = inliers::needed(matches, scale, difference_bound);
+        let inliers = inliers::find_inliers(&kept, &transform, bound);
+        let needed = inliers::min_inliers(matches, scale, difference_bound);
         if inliers.len() < needed {
             doubts.push(Warning::FewInliers { found: inliers.len(), needed });
         }
@@ -262,11 +262,11 @@ impl Teaser {
         };
         let certificate = self.certify.then(|| {
             times.time("certificate", || {
-                let differences = scaled(kept.differences_of_some(CERTIFIED_DIFFERENCES), scale);
-                certificate::certify(&differences, difference_bound, self.schedule(), &transform)
+                let differences = scale_differences(kept.subsampled_differences(MAX_CERTIFICATE_DIFFERENCES), scale);
+                certificate::certify(&differences, difference_bound, self.gnc_options(), &transform)
             })
         });
-        let step = |(k, round): (usize, &Round)| Step {
+        let step = |(k, round): (usize, &GncIteration)| IterationRecord {
             iteration: k as u32 + 1,
             transform: pose(round),
             objective: round.cost,
@@ -275,7 +275,7 @@ impl Teaser {
         };
         let trace =
             if self.trace { rounds.iter().enumerate().map(step).collect() } else { Vec::new() };
-        let found = Found {
+        let found = SolvedPose {
             transform,
             moments,
             singular_values,
@@ -289,12 +289,12 @@ impl Teaser {
             doubts,
         };
         let certificate = certificate.flatten();
-        let registration = Registration::conclude(found, source, target)?;
+        let registration = Registration::finish(found, source, target)?;
         Ok(Registration { certificate, ..registration })
     }
 
-    fn schedule(&self) -> Schedule {
-        Schedule {
+    fn gnc_options(&self) -> GncOptions {
+        GncOptions {
             factor: self.gnc_factor,
             cost_threshold: self.cost_threshold,
             max_iterations: self.max_iterations,
@@ -302,18 +302,18 @@ impl Teaser {
     }
 
     /// The noise bound in force.
-    pub(super) fn bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
-        self.noise_bound.map_or_else(|| self.default_bound(source, target), Ok)
+    pub(super) fn resolve_noise_bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
+        self.noise_bound.map_or_else(|| self.default_noise_bound(source, target), Ok)
     }
 
     /// With an unknown scale only the target's resolution is in the target's unit.
-    fn default_bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
+    fn default_noise_bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
         let mut resolution = target.resolution()?;
         if !self.estimate_scale {
             resolution = resolution.max(source.resolution()?);
         }
         if resolution > 0.0 {
-            return Ok(BOUND_IN_RESOLUTIONS * resolution);
+            return Ok(NOISE_BOUND_RESOLUTIONS * resolution);
         }
         let rule = "most points have a double, so that the clouds say nothing about it: set it";
         Err(Error::config("noise_bound", "none", rule))
@@ -331,14 +331,14 @@ impl Register for Teaser {
 }
 
 /// Whether both points of a match have a weight above 0.
-fn counts(weights: [Option<&[f32]>; 2]) -> impl Fn(&(u32, u32)) -> bool {
+fn has_positive_weights(weights: [Option<&[f32]>; 2]) -> impl Fn(&(u32, u32)) -> bool {
     move |&(i, j)| {
         let [a, b] = weights;
         a.is_none_or(|a| a[i as usize] > 0.0) && b.is_none_or(|b| b[j as usize] > 0.0)
     }
 }
 
-fn check_number(found: usize, what: &str) -> Result<()> {
+fn check_count(found: usize, what: &str) -> Result<()> {
     if found < 3 {
         return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
     }
@@ -346,7 +346,7 @@ fn check_number(found: usize, what: &str) -> Result<()> {
 }
 
 /// Differences with their source side in the target's unit.
-fn scaled(differences: Vec<(Vec3, Vec3)>, scale: f64) -> Vec<(Vec3, Vec3)> {
+fn scale_differences(differences: Vec<(Vec3, Vec3)>, scale: f64) -> Vec<(Vec3, Vec3)> {
     differences.into_iter().map(|(a, b)| (math::scaled(a, scale), b)).collect()
 }
 

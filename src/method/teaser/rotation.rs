@@ -7,7 +7,7 @@ use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
 /// When the control parameter has done its work.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Schedule {
+pub(super) struct GncOptions {
     /// μ is multiplied by this after every solve.
     pub(super) factor: f64,
     /// Change of the cost, in squared bounds, at which it ends.
@@ -17,7 +17,7 @@ pub(super) struct Schedule {
 
 /// One solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Round {
+pub(super) struct GncIteration {
     pub(super) rotation: Mat3,
     /// Σ w r²/c² over the measurements, before this solve's weights were made anew.
     pub(super) cost: f64,
@@ -36,18 +36,18 @@ pub(super) struct Round {
 ///
 /// # Errors
 /// Those of [`pose::solve`] where all measurements together leave the rotation open.
-pub(super) fn solve(
+pub(super) fn estimate_rotation(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
-    schedule: Schedule,
+    schedule: GncOptions,
     prior: &Prior,
-) -> Result<(Vec<Round>, bool)> {
+) -> Result<(Vec<GncIteration>, bool)> {
     let square = bound * bound;
     let mut weights = vec![1.0; measurements.len()];
-    let mut rounds: Vec<Round> = Vec::new();
+    let mut rounds: Vec<GncIteration> = Vec::new();
     let mut control = 0.0;
     loop {
-        let rotation = match closed_form(measurements, &weights, prior) {
+        let rotation = match solve_rotation(measurements, &weights, prior) {
             Ok(rotation) => rotation,
             // Hardly any measurement agrees with another: the last rotation is as good.
             Err(Error::Degenerate { .. }) if !rounds.is_empty() => return Ok((rounds, true)),
@@ -60,7 +60,7 @@ pub(super) fn solve(
         let residuals: Vec<f64> = measurements.iter().map(residual).collect();
         let cost = weights.iter().zip(&residuals).map(|(w, r)| w * r).sum::<f64>();
         let before = rounds.last().map(|round| round.cost);
-        rounds.push(Round { rotation, cost, weight: weights.iter().sum() });
+        rounds.push(GncIteration { rotation, cost, weight: weights.iter().sum() });
         match before {
             None => {
                 let worst = residuals.iter().fold(0.0f64, |worst, &r| worst.max(r));
@@ -78,13 +78,13 @@ pub(super) fn solve(
         if rounds.len() >= schedule.max_iterations as usize {
             return Ok((rounds, false));
         }
-        let reweigh = |(weight, &r): (&mut f64, &f64)| *weight = truncated(r, control);
+        let reweigh = |(weight, &r): (&mut f64, &f64)| *weight = tls_weight(r, control);
         weights.iter_mut().zip(&residuals).for_each(reweigh);
     }
 }
 
 /// Weight of a residual whose square is `squared` bounds² at control parameter μ.
-fn truncated(squared: f64, control: f64) -> f64 {
+fn tls_weight(squared: f64, control: f64) -> f64 {
     if squared <= control / (control + 1.0) {
         1.0
     } else if squared >= (control + 1.0) / control {
@@ -96,7 +96,7 @@ fn truncated(squared: f64, control: f64) -> f64 {
 
 /// Every measurement is counted with both signs, which makes the means zero: the rotation
 /// of differences knows no translation.
-pub(super) fn closed_form(
+pub(super) fn solve_rotation(
     measurements: &[(Vec3, Vec3)],
     weights: &[f64],
     prior: &Prior,
@@ -115,16 +115,16 @@ mod tests {
     use super::*;
     use crate::cloud::Transform;
 
-    const SCHEDULE: Schedule =
-        Schedule { factor: 1.4, cost_threshold: 0.005, max_iterations: 1000 };
+    const SCHEDULE: GncOptions =
+        GncOptions { factor: 1.4, cost_threshold: 0.005, max_iterations: 1000 };
 
     #[test]
     fn weights_are_continuous_and_truncate() {
         for control in [1e-3, 0.1, 1.0, 50.0] {
             let (low, high) = (control / (control + 1.0), (control + 1.0) / control);
-            assert!((truncated(low * 1.000_001, control) - 1.0).abs() < 1e-3 * (1.0 + control));
-            assert!(truncated(high * 0.999_999, control) < 1e-3 * (1.0 + control));
-            assert_eq!((truncated(0.0, control), truncated(2.0 * high, control)), (1.0, 0.0));
+            assert!((tls_weight(low * 1.000_001, control) - 1.0).abs() < 1e-3 * (1.0 + control));
+            assert!(tls_weight(high * 0.999_999, control) < 1e-3 * (1.0 + control));
+            assert_eq!((tls_weight(0.0, control), tls_weight(2.0 * high, control)), (1.0, 0.0));
         }
     }
 
@@ -133,7 +133,7 @@ mod tests {
         // Two that agree in one direction, and a third at an impossible angle to them.
         let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         let measurements = [(x, x), (x, x), (y, [0.6, 0.8, 0.0])];
-        let (rounds, settled) = solve(&measurements, 1e-3, SCHEDULE, &Prior::default()).unwrap();
+        let (rounds, settled) = estimate_rotation(&measurements, 1e-3, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         assert!(settled && rounds.len() > 1 && last.weight < 3.0, "{rounds:?}");
         assert!((math::determinant(&last.rotation) - 1.0).abs() < 1e-9);
@@ -152,14 +152,14 @@ mod tests {
             (a, if i.is_multiple_of(3) { at(i, 2.9) } else { truth.rotate(a) })
         };
         let measurements: Vec<_> = (0..90).map(measure).collect();
-        let (rounds, settled) = solve(&measurements, 0.01, SCHEDULE, &Prior::default()).unwrap();
+        let (rounds, settled) = estimate_rotation(&measurements, 0.01, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         let error = math::frobenius(&math::mat_sub(&last.rotation, &truth.rotation));
         assert!(settled && error < 1e-6, "{error} after {}", rounds.len());
         assert!((last.weight - 60.0).abs() < 1.0, "{}", last.weight);
-        let short = Schedule { max_iterations: 2, ..SCHEDULE };
+        let short = GncOptions { max_iterations: 2, ..SCHEDULE };
         assert!(
-            matches!(solve(&measurements, 0.01, short, &Prior::default()), Ok((rounds, false)) if rounds.len() == 2)
+            matches!(estimate_rotation(&measurements, 0.01, short, &Prior::default()), Ok((rounds, false)) if rounds.len() == 2)
         );
     }
 }

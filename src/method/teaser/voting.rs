@@ -1,13 +1,13 @@
 //! Adaptive voting: the truncated least-squares estimate of one number, exactly; by it the scale,
 //! and the translation axis by axis.
 
-use super::matches::Matches;
+use super::correspondences::CenteredCorrespondences;
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::math::{self, Mat3, Vec3};
 
 /// Most that the scale is voted for by: all pairs of 2000.
-const SCALE_DIFFERENCES: usize = 2_000_000;
+const MAX_SCALE_DIFFERENCES: usize = 2_000_000;
 
 /// The x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds
 /// αᵢ > 0 (TEASER's adaptive voting, with c̄ = 1); `None` without measurements.
@@ -15,7 +15,7 @@ const SCALE_DIFFERENCES: usize = 2_000_000;
 /// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ:
 /// between two of them the best x is the weighted mean of that set, so that running sums
 /// over the sorted ends find the global optimum in O(n log n).
-fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
+fn estimate_scalar_tls(measurements: &[(f64, f64)]) -> Option<f64> {
     // About one of them, so that squares keep their digits.
     let origin = measurements.first()?.0;
     let mut ends: Vec<(f64, bool, usize)> = Vec::with_capacity(2 * measurements.len());
@@ -51,14 +51,14 @@ fn consensus(measurements: &[(f64, f64)]) -> Option<f64> {
 
 /// The scale by adaptive voting over ‖b‖/‖a‖, TEASER's measurements
 /// that neither translation nor rotation changes, with bounds 2β/‖a‖.
-pub(super) fn scale(matches: &Matches, difference_bound: f64) -> Result<f64> {
+pub(super) fn vote_scale(matches: &CenteredCorrespondences, difference_bound: f64) -> Result<f64> {
     let ratio = |(a, b): (Vec3, Vec3)| {
         let length = math::norm(a);
         (length > 0.0).then(|| (math::norm(b) / length, difference_bound / length))
     };
     let ratios: Vec<(f64, f64)> =
-        matches.differences(SCALE_DIFFERENCES).into_iter().filter_map(ratio).collect();
-    match consensus(&ratios).filter(|&scale| scale > 0.0 && scale.is_finite()) {
+        matches.pairwise_differences(MAX_SCALE_DIFFERENCES).into_iter().filter_map(ratio).collect();
+    match estimate_scalar_tls(&ratios).filter(|&scale| scale > 0.0 && scale.is_finite()) {
         Some(scale) => Ok(scale),
         None => Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] }),
     }
@@ -66,12 +66,12 @@ pub(super) fn scale(matches: &Matches, difference_bound: f64) -> Result<f64> {
 
 /// The pose with this rotation, its translation voted for axis by axis (TEASER's
 /// component-wise translation estimation).
-pub(super) fn translated(matches: &Matches, rotation: &Mat3, scale: f64, bound: f64) -> Transform {
+pub(super) fn vote_translation(matches: &CenteredCorrespondences, rotation: &Mat3, scale: f64, bound: f64) -> Transform {
     let turn = |p: Vec3| math::scaled(math::mat_vec(rotation, p), scale);
     let axis = |a: usize| {
         let pairs = matches.source.iter().zip(&matches.target);
         let rests: Vec<(f64, f64)> = pairs.map(|(&p, q)| (q[a] - turn(p)[a], bound)).collect();
-        consensus(&rests).unwrap_or_default()
+        estimate_scalar_tls(&rests).unwrap_or_default()
     };
     // From the matches' origins back to the clouds' frames.
     let (source_origin, target_origin) = matches.origins();
@@ -93,7 +93,7 @@ mod tests {
         fn no_place_is_better(
             measurements in proptest::collection::vec((-10.0..10.0f64, 0.05..3.0f64), 1..12),
         ) {
-            let found = cost(consensus(&measurements).unwrap(), &measurements);
+            let found = cost(estimate_scalar_tls(&measurements).unwrap(), &measurements);
             // Every subset's weighted mean: the optimum is one of them.
             for subset in 1..1u32 << measurements.len() {
                 let inside = (0..measurements.len()).filter(|i| subset >> i & 1 == 1);
@@ -111,8 +111,8 @@ mod tests {
     fn ninety_of_a_hundred_may_be_wrong() {
         let wrong = (0..90).map(|i| (f64::from(i) * 3.0, 0.1));
         let right = (0..10).map(|i| (100.5 + 0.01 * f64::from(i), 0.1));
-        let found = consensus(&wrong.chain(right).collect::<Vec<_>>()).unwrap();
+        let found = estimate_scalar_tls(&wrong.chain(right).collect::<Vec<_>>()).unwrap();
         assert!((found - 100.545).abs() < 1e-9, "{found}");
-        assert_eq!(consensus(&[]), None);
+        assert_eq!(estimate_scalar_tls(&[]), None);
     }
 }

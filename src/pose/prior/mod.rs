@@ -33,7 +33,7 @@ pub struct Prior {
     /// is a fixed axis, and \[0, 0, 1\] twice leaves the yaw alone.
     pub direction: Option<[Vec3; 2]>,
     /// The rotation that is known, or that the one sought is near to.
-    pub rotation: Option<Near>,
+    pub rotation: Option<RotationBound>,
     /// Least and largest scale, both above 0. Only where a scale is estimated.
     pub scale: Option<[f64; 2]>,
 }
@@ -41,7 +41,7 @@ pub struct Prior {
 /// Rotations at most an angle away from one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Near {
+pub struct RotationBound {
     /// Rotation vector, radians: axis times angle, source into target frame.
     pub vector: Vec3,
     /// Largest angle to it, degrees in [0, 180]; 0 where the rotation is known.
@@ -74,7 +74,7 @@ impl Prior {
                 return bad("direction", format!("{direction:?}"), rule);
             }
         }
-        if let Some(Near { vector, within_deg }) = self.rotation {
+        if let Some(RotationBound { vector, within_deg }) = self.rotation {
             if !math::norm(vector).is_finite() {
                 let rule = "a rotation vector must be three finite numbers";
                 return bad("rotation", format!("{vector:?}"), rule);
@@ -91,7 +91,7 @@ impl Prior {
             _ => match (self.direction, self.rotation) {
                 // Whether they contradict each other depends on no pair.
                 (Some(direction), Some(_)) => {
-                    about(direction, self.rotation, &IDENTITY, || Error::NO_WEIGHT)
+                    rotation_about_direction(direction, self.rotation, &IDENTITY, || Error::NO_WEIGHT)
                         .map(|_| ())
                         .or_else(|error| match error {
                             Error::NoWeight { .. } => Ok(()),
@@ -121,8 +121,8 @@ impl Prior {
     ///
     /// # Errors
     /// As [`pose::solve_with`](super::solve_with).
-    pub fn nearest(&self, pose: &Transform, center: Vec3) -> Result<Transform> {
-        if !self.turns() {
+    pub fn project_pose(&self, pose: &Transform, center: Vec3) -> Result<Transform> {
+        if !self.constrains_rotation() {
             return Ok(*pose);
         }
         let open = || Error::Degenerate { rank: 0, singular_values: [0.0; 3] };
@@ -134,7 +134,7 @@ impl Prior {
     }
 
     /// Whether the rotation is restricted.
-    pub(super) fn turns(&self) -> bool {
+    pub(super) fn constrains_rotation(&self) -> bool {
         self.direction.is_some() || self.rotation.is_some()
     }
 
@@ -150,14 +150,14 @@ impl Prior {
         open: impl FnOnce() -> Error,
     ) -> Result<Mat3> {
         match (self.direction, self.rotation) {
-            (Some(direction), near) => about(direction, near, covariance, open),
-            (None, Some(near)) => within(&near, covariance, free),
+            (Some(direction), near) => rotation_about_direction(direction, near, covariance, open),
+            (None, Some(near)) => rotation_within_angle(&near, covariance, free),
             (None, None) => free(),
         }
     }
 }
 
-impl Near {
+impl RotationBound {
     fn center(&self) -> Mat3 {
         Transform::from_rotation_vector(self.vector).rotation
     }
@@ -169,14 +169,14 @@ impl Near {
 
 /// tr(R M) over the turns R about the unit vector `axis`, as (a, b, c) of
 /// a cos θ + b sin θ + c.
-fn about_axis(axis: Vec3, m: &Mat3) -> (f64, f64, f64) {
+fn trace_about_axis(axis: Vec3, m: &Mat3) -> (f64, f64, f64) {
     let kept = math::dot(axis, math::mat_vec(m, axis));
     let skew = [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]];
     (math::trace(m) - kept, math::dot(axis, skew), kept)
 }
 
 /// The shortest turn from one unit vector to another.
-fn shortest(from: Vec3, to: Vec3) -> Mat3 {
+fn shortest_rotation(from: Vec3, to: Vec3) -> Mat3 {
     let cross = math::cross(from, to);
     let axis = match math::norm(cross) > 1e-12 {
         true => math::normalized(cross),
@@ -191,21 +191,21 @@ fn shortest(from: Vec3, to: Vec3) -> Mat3 {
 }
 
 /// The turn that maps one direction to the other, near a rotation where one is known.
-fn about(
+fn rotation_about_direction(
     direction: [Vec3; 2],
-    near: Option<Near>,
+    near: Option<RotationBound>,
     covariance: &Mat3,
     open: impl FnOnce() -> Error,
 ) -> Result<Mat3> {
     let [from, axis] = direction.map(math::normalized);
-    let start = shortest(from, axis);
-    let (a, b, _) = about_axis(axis, &math::mat_mul(&start, covariance));
+    let start = shortest_rotation(from, axis);
+    let (a, b, _) = trace_about_axis(axis, &math::mat_mul(&start, covariance));
     // Angles from which on all are too far from the known rotation, about its own.
     let bound = match near {
         None => None,
         Some(near) => {
             let off = math::mat_mul(&start, &math::transpose(&near.center()));
-            let (p, q, kept) = about_axis(axis, &off);
+            let (p, q, kept) = trace_about_axis(axis, &off);
             let cosine = (1.0 + 2.0 * near.angle().cos() - kept) / p.hypot(q);
             if cosine > 1.0 + ROUNDING || cosine.is_nan() {
                 let value = format!("rotation within {} degrees", near.within_deg);
@@ -237,7 +237,7 @@ fn about(
 /// On it the quaternion, from the known rotation on, is (cos α/2, u sin α/2) with a unit vector u
 /// that maximises uᵀ B u + 2 k nᵀ u, B and n from Horn's matrix: (μ − B) u = k n with the μ above
 /// the eigenvalues of B that gives u its length.
-fn within(near: &Near, covariance: &Mat3, free: impl FnOnce() -> Result<Mat3>) -> Result<Mat3> {
+fn rotation_within_angle(near: &RotationBound, covariance: &Mat3, free: impl FnOnce() -> Result<Mat3>) -> Result<Mat3> {
     let center = near.center();
     if near.within_deg == 0.0 {
         return Ok(center);

@@ -56,7 +56,7 @@ proptest! {
     ) {
         prop_assume!(math::norm(other) > 0.1);
         let moments = moments(&pairs);
-        let near = Near { vector: center, within_deg: degrees };
+        let near = RotationBound { vector: center, within_deg: degrees };
         let prior = Prior { rotation: Some(near), ..Prior::default() };
         let found = solve_with(&moments, Solver::Walker, ScaleEstimate::Fixed, &prior).unwrap();
         let rotation = found.transform.rotation;
@@ -85,7 +85,7 @@ proptest! {
         let moments = moments(&pairs);
         // The known rotation maps the direction itself: turns about it up to the angle.
         let image = math::mat_vec(&turn(center), axis);
-        let near = Near { vector: center, within_deg: degrees };
+        let near = RotationBound { vector: center, within_deg: degrees };
         let prior =
             Prior { direction: Some([axis, image]), rotation: Some(near), scale: None };
         let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
@@ -135,7 +135,7 @@ fn nothing_known_changes_no_bit() {
         let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &prior).unwrap();
         assert_eq!(plain, with);
         // A bound that does not bind neither.
-        let near = Near { vector: [0.0; 3], within_deg: 180.0 };
+        let near = RotationBound { vector: [0.0; 3], within_deg: 180.0 };
         let wide = Prior { rotation: Some(near), ..prior };
         let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &wide).unwrap();
         assert_eq!(plain.transform.rotation, with.transform.rotation);
@@ -144,7 +144,7 @@ fn nothing_known_changes_no_bit() {
 
 #[test]
 fn a_known_rotation_leaves_the_translation() {
-    let near = Near { vector: [0.1, -0.2, 0.3], within_deg: 0.0 };
+    let near = RotationBound { vector: [0.1, -0.2, 0.3], within_deg: 0.0 };
     let prior = Prior { rotation: Some(near), ..Prior::default() };
     // One place twice determines no rotation.
     let mut moments = Moments::about([0.0; 3], [0.0; 3]);
@@ -160,7 +160,7 @@ fn what_contradicts_or_is_out_of_range_says_so() {
     let solve = |prior: Prior| {
         solve_with(&some(), Solver::Arun, ScaleEstimate::Umeyama, &prior).unwrap_err()
     };
-    let near = |degrees: f64| Near { vector: [0.0; 3], within_deg: degrees };
+    let near = |degrees: f64| RotationBound { vector: [0.0; 3], within_deg: degrees };
     let across = Some([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
     for prior in [
         Prior { direction: across, rotation: Some(near(30.0)), scale: None },
@@ -195,7 +195,7 @@ fn opposite_directions_and_bounds_at_a_half_turn() {
     // The best rotation is half a turn away about an axis of symmetry: no side is better.
     let pairs = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
     let half = pairs.map(|[x, y, z]| [x, y, z, -x, -y, z]);
-    let near = Near { vector: [0.0; 3], within_deg: 60.0 };
+    let near = RotationBound { vector: [0.0; 3], within_deg: 60.0 };
     let prior = Prior { rotation: Some(near), ..Prior::default() };
     let found = solve_with(&moments(&half), Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
     assert!((found.transform.angle().to_degrees() - 60.0).abs() < 1e-6, "{found:?}");

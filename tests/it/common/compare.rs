@@ -9,7 +9,7 @@ use cfreg::moments::{Moments, naive};
 /// to √(Σw|p|² Σw|q|²). Sums of many signs are small beside their terms, and rounding
 /// follows the terms.
 pub fn moments_differ_by(a: &Moments, b: &Moments) -> f64 {
-    let b = naive::about(b, a.source_origin, a.target_origin);
+    let b = naive::shift_origins(b, a.source_origin, a.target_origin);
     let share = |difference: f64, size: f64| match difference.abs() {
         0.0 => 0.0,
         difference => difference / size,

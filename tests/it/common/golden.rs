@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use cfreg::math::{Mat3, Vec3};
-use cfreg::moments::{Described, Moments};
+use cfreg::moments::{FeatureView, Moments};
 use cfreg::pose::{self, ScaleEstimate, Solver};
 use cfreg::{Descriptors, Error, PointCloud, Transform};
 use serde::Deserialize;
@@ -103,6 +103,6 @@ pub fn descriptors(rows: &[Vec<f64>]) -> Descriptors {
     Descriptors::new(rows[0].len(), values).unwrap()
 }
 
-pub fn described<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> Described<'a> {
-    Described { points: cloud.points(), origin: cloud.origin(), descriptors }
+pub fn described<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
+    FeatureView { points: cloud.points(), origin: cloud.origin(), descriptors }
 }

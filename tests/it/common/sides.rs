@@ -1,7 +1,7 @@
 //! Described clouds for the full connection, the same for the same seed.
 
 use cfreg::Descriptors;
-use cfreg::moments::Described;
+use cfreg::moments::FeatureView;
 use cfreg::weight::Normalization;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -36,9 +36,9 @@ impl Side {
         Side { points, origin: [500.0, -20.0, 3.0], descriptors }
     }
 
-    pub fn described(&self) -> Described<'_> {
+    pub fn described(&self) -> FeatureView<'_> {
         let Side { points, origin, descriptors } = self;
-        Described { points, origin: *origin, descriptors }
+        FeatureView { points, origin: *origin, descriptors }
     }
 
     /// The points named by `indices`, in that order.

@@ -4,39 +4,39 @@
 use faer::Mat;
 
 use super::registration::Timings;
-use super::teaser::matches::similar;
+use super::teaser::correspondences::match_features;
 use super::{Cf, Cfk, Method, Teaser};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::Result;
 use crate::keypoint::Keypoints;
 use crate::math::{self, Vec3};
-use crate::moments::{Described, Entries, FullConnection};
+use crate::moments::{FeatureView, Entries, FullConnection};
 use crate::par;
 use crate::search::SearchTree;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// The points that a method compared, and how strongly it connected them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Connections {
+pub struct WeightGraph {
     /// Whether all points of both were connected; else what was matched alone.
     pub full: bool,
     /// Of matches, how far apart a pose may leave the ends of one that agrees with it, in the
     /// target's unit.
-    pub reach: Option<f64>,
+    pub inlier_distance: Option<f64>,
     /// Places of the compared points of source and target, each in its cloud's own frame.
     pub points: [Vec<Vec3>; 2],
     /// What weight each of them received in all, 0 or more.
-    pub received: [Vec<f64>; 2],
+    pub weight_sums: [Vec<f64>; 2],
     /// Of a full connection the heaviest of every source point; of matches all of them, by how
     /// well they agree with the pose, from 0 to 1. Heaviest first.
-    pub links: Vec<Link>,
+    pub links: Vec<WeightedLink>,
     /// Part of W; of matches, how alike the descriptors are that they were made from.
-    pub matrix: Matrix,
+    pub block: WeightBlock,
 }
 
 /// A connection.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Link {
+pub struct WeightedLink {
     /// Number of the source point.
     pub source: u32,
     /// Number of the target point.
@@ -48,22 +48,22 @@ pub struct Link {
 /// Weights between some points of the source and those points of the target that the pose puts
 /// them on: what the pose says belongs together stands on the diagonal.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Matrix {
+pub struct WeightBlock {
     /// Numbers of the source points.
     pub rows: Vec<u32>,
     /// Of each of them the nearest target point under the pose.
     pub columns: Vec<u32>,
     /// How far apart the two are, in the target's unit.
-    pub apart: Vec<f64>,
+    pub distances: Vec<f64>,
     /// The descriptor of each row along the direction in which these differ most: points that
     /// look alike are near each other by it.
-    pub looks: Vec<f64>,
+    pub principal_feature: Vec<f64>,
     /// Row by row.
     pub weights: Vec<f32>,
 }
 
 /// Most rows of a matrix.
-const SIDE: usize = 144;
+const MAX_BLOCK_ROWS: usize = 144;
 
 impl Method {
     /// What this method connects between the clouds that it was given, seen under the `pose` that
@@ -83,19 +83,19 @@ impl Method {
     /// assert_eq!(connections.links.len(), 600);
     /// # Ok::<(), cfreg::Error>(())
     /// ```
-    pub fn connections(
+    pub fn weight_graph(
         &self,
         source: &PointCloud,
         target: &PointCloud,
         pose: &Transform,
-    ) -> Result<Option<Connections>> {
+    ) -> Result<Option<WeightGraph>> {
         match self {
             Method::Cf(Cf { weights: WeightScheme::Custom, .. }) => Ok(None),
-            Method::Cfk(Cfk { connection, .. }) if connection.weights == WeightScheme::Custom => {
+            Method::Cfk(Cfk { cf: connection, .. }) if connection.weights == WeightScheme::Custom => {
                 Ok(None)
             }
             Method::Cf(cf) => cf.connections(source, target, pose, None).map(Some),
-            Method::Cfk(Cfk { keypoints, connection }) => {
+            Method::Cfk(Cfk { keypoints, cf: connection }) => {
                 connection.connections(source, target, pose, Some(keypoints)).map(Some)
             }
             Method::Consensus(consensus) => consensus.weight_graph(source, target, pose).map(Some),
@@ -112,34 +112,34 @@ impl Cf {
         target: &PointCloud,
         pose: &Transform,
         detector: Option<&Keypoints>,
-    ) -> Result<Connections> {
+    ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
             let mut times = Timings::default();
-            let source = self.describe.prepare_at(source, "the source", detector, &mut times)?;
-            let target = self.describe.prepare_at(target, "the target", detector, &mut times)?;
-            let [source, target] = self.describe.joined([source, target])?;
+            let source = self.features.extract_at_keypoints(source, "the source", detector, &mut times)?;
+            let target = self.features.extract_at_keypoints(target, "the target", detector, &mut times)?;
+            let [source, target] = self.features.concatenate_channels([source, target])?;
             let connection = source.connection(&target)?;
             let beta = connection.bandwidth(self.bandwidth())?;
-            let ends = [source.described(), target.described()];
-            let mut matrix = Matrix::places(ends, pose)?;
-            let Matrix { rows, columns, .. } = &matrix;
+            let ends = [source.view(), target.view()];
+            let mut matrix = WeightBlock::from_nearest_points(ends, pose)?;
+            let WeightBlock { rows, columns, .. } = &matrix;
             let found =
                 connection.entries(self.weights, beta, self.normalization, rows, columns)?;
             let Entries { source_sums, target_sums, heaviest, block } = found;
             matrix.weights = block;
             let links = heaviest.iter().zip(0..);
-            let links = links.map(|(&(weight, target), source)| Link {
+            let links = links.map(|(&(weight, target), source)| WeightedLink {
                 source,
                 target,
                 weight: f64::from(weight),
             });
-            Ok(Connections {
+            Ok(WeightGraph {
                 full: true,
-                reach: None,
-                points: ends.map(places),
-                received: [source_sums, target_sums],
-                links: sorted(links.collect()),
-                matrix,
+                inlier_distance: None,
+                points: ends.map(global_positions),
+                weight_sums: [source_sums, target_sums],
+                links: sort_by_weight(links.collect()),
+                block: matrix,
             })
         })?
     }
@@ -151,59 +151,59 @@ impl Teaser {
         source: &PointCloud,
         target: &PointCloud,
         pose: &Transform,
-    ) -> Result<Connections> {
+    ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
             let mut times = Timings::default();
-            let bound = self.bound(source.into(), target.into())?;
-            let source = self.describe.prepare(source, "the source", &mut times)?;
-            let target = self.describe.prepare(target, "the target", &mut times)?;
-            let [source, target] = self.describe.joined([source, target])?;
-            let ends = [source.described(), target.described()];
-            let pairs = similar(&FullConnection::new(ends[0], ends[1])?, self.cross_check);
-            let [p, q] = ends.map(places);
+            let bound = self.resolve_noise_bound(source.into(), target.into())?;
+            let source = self.features.extract(source, "the source", &mut times)?;
+            let target = self.features.extract(target, "the target", &mut times)?;
+            let [source, target] = self.features.concatenate_channels([source, target])?;
+            let ends = [source.view(), target.view()];
+            let pairs = match_features(&FullConnection::new(ends[0], ends[1])?, self.cross_check);
+            let [p, q] = ends.map(global_positions);
             let agreement = pairs.iter().map(|&(i, j)| {
                 let off = math::sub(pose.apply(p[i as usize]), q[j as usize]);
                 (1.0 - math::dot(off, off) / (bound * bound)).max(0.0)
             });
-            Connections::of_matches(ends, &pairs, agreement, bound, pose)
+            WeightGraph::from_correspondences(ends, &pairs, agreement, bound, pose)
         })?
     }
 }
 
-impl Connections {
+impl WeightGraph {
     /// Of matched points, and how well each match agrees with the pose, if its ends are nearer
     /// than `reach`.
-    pub(super) fn of_matches(
-        ends: [Described<'_>; 2],
+    pub(super) fn from_correspondences(
+        ends: [FeatureView<'_>; 2],
         pairs: &[(u32, u32)],
         agreement: impl Iterator<Item = f64>,
         reach: f64,
         pose: &Transform,
-    ) -> Result<Connections> {
+    ) -> Result<WeightGraph> {
         let connection = FullConnection::new(ends[0], ends[1])?;
         let beta = connection.bandwidth(Bandwidth::Auto(Bandwidth::DEFAULT_SHARE))?;
-        let mut matrix = Matrix::places(ends, pose)?;
-        let Matrix { rows, columns, .. } = &matrix;
+        let mut matrix = WeightBlock::from_nearest_points(ends, pose)?;
+        let WeightBlock { rows, columns, .. } = &matrix;
         let likeness = (WeightScheme::Gaussian, Normalization::Both);
         matrix.weights = connection.entries(likeness.0, beta, likeness.1, rows, columns)?.block;
-        let points = ends.map(places);
+        let points = ends.map(global_positions);
         let mut received = points.each_ref().map(|points| vec![0.0; points.len()]);
         let mut links = Vec::new();
         for (&(source, target), weight) in pairs.iter().zip(agreement) {
             received[0][source as usize] += weight;
             received[1][target as usize] += weight;
-            links.push(Link { source, target, weight });
+            links.push(WeightedLink { source, target, weight });
         }
-        let (reach, links) = (Some(reach), sorted(links));
-        Ok(Connections { full: false, reach, points, received, links, matrix })
+        let (reach, links) = (Some(reach), sort_by_weight(links));
+        Ok(WeightGraph { full: false, inlier_distance: reach, points, weight_sums: received, links, block: matrix })
     }
 }
 
-impl Matrix {
+impl WeightBlock {
     /// The points of a matrix that has no weights yet.
-    fn places([source, target]: [Described<'_>; 2], pose: &Transform) -> Result<Matrix> {
+    fn from_nearest_points([source, target]: [FeatureView<'_>; 2], pose: &Transform) -> Result<WeightBlock> {
         let tree = SearchTree::new(target.points)?;
-        let step = source.points.len().div_ceil(SIDE).max(1);
+        let step = source.points.len().div_ceil(MAX_BLOCK_ROWS).max(1);
         let rows: Vec<u32> = (0..source.points.len() as u32).step_by(step).collect();
         let (mut columns, mut apart) = (Vec::new(), Vec::new());
         for &row in &rows {
@@ -213,13 +213,13 @@ impl Matrix {
             columns.push(nearest.index);
             apart.push(f64::from(nearest.squared_distance).sqrt());
         }
-        let looks = principal(source.descriptors, &rows);
-        Ok(Matrix { rows, columns, apart, looks, weights: Vec::new() })
+        let looks = project_on_principal_axis(source.descriptors, &rows);
+        Ok(WeightBlock { rows, columns, distances: apart, principal_feature: looks, weights: Vec::new() })
     }
 }
 
 /// The named rows along their first principal component.
-fn principal(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
+fn project_on_principal_axis(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
     let (n, dim) = (rows.len(), descriptors.dim());
     let row = |k: usize| descriptors.row(rows[k] as usize);
     let mut mean = vec![0.0; dim];
@@ -237,12 +237,12 @@ fn principal(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
 }
 
 /// Places of a side's points in its cloud's own frame.
-fn places(side: Described<'_>) -> Vec<Vec3> {
+fn global_positions(side: FeatureView<'_>) -> Vec<Vec3> {
     side.points.iter().map(|p| math::add(p.map(f64::from), side.origin)).collect()
 }
 
 /// Heaviest first; of equal ones those of the first source points.
-fn sorted(mut links: Vec<Link>) -> Vec<Link> {
+fn sort_by_weight(mut links: Vec<WeightedLink>) -> Vec<WeightedLink> {
     links.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     links
 }

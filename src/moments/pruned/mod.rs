@@ -22,54 +22,54 @@
 //! last pass, Σ|w̃ − w| ≤ (κ − 1) Σw + ε/2 · κ Σw ≤ (1/4 + 5/8) ε Σw.
 
 mod budget;
-mod compact;
-mod gathered;
+mod bounded_side;
+mod gathered_tile;
 #[cfg(test)]
 mod tests;
 
 use std::ops::Range;
 
-use super::dense::inverted;
+use super::dense::inverse_factors;
 use super::reduce::{MomentSums, RowSums};
-use super::side::Side;
+use super::side::ConnectionSide;
 use super::sums::Moments;
 use super::tile::{Reducer, Scaling, weigh_block};
 use crate::par;
 use crate::weight::{Normalization, WeightKernel};
-use budget::Budget;
-use compact::{Axes, BLOCK, Compact};
-use gathered::{Gathered, WIDEST};
+use budget::PruningBudget;
+use bounded_side::{PrincipalAxes, BLOCK, BoundedSide};
+use gathered_tile::{GatheredTile, MAX_GROUPS_PER_TILE};
 
 /// Fewest connections for which leaving out pays; below, the dense pass is as fast. By the
 /// product of the sizes alone.
-pub(super) const WORTH: u64 = 50_000_000;
+pub(super) const MIN_CONNECTIONS: u64 = 50_000_000;
 
 /// Part of the columns that each block weighs before it decides about the rest.
-const FIRST: usize = 16;
+const FIRST_FRACTION: usize = 16;
 
 /// Makes up for what f32 loses between a bound and the weights under it: kernels grow by
 /// 1e-6 of themselves in places, factors and sums round.
-const SLACK: f32 = 1.0 + 1.6e-5;
+const ROUNDING_FACTOR: f32 = 1.0 + 1.6e-5;
 
 /// Moments within `tolerance` in (0, 1), and how many weights were computed for them, sums
 /// of rows and columns included. `kernel` must never grow with d².
 pub(super) fn moments<K: WeightKernel>(
-    source: &Side,
-    target: &Side,
+    source: &ConnectionSide,
+    target: &ConnectionSide,
     kernel: &K,
     normalization: Normalization,
     tolerance: f64,
 ) -> (Moments, u64) {
-    let axes = Axes::of(&source.rows, &target.rows);
-    let compact = |side| Compact::new(side, &axes);
+    let axes = PrincipalAxes::compute(&source.rows, &target.rows);
+    let compact = |side| BoundedSide::new(side, &axes);
     let (rows, columns) = (compact(source), compact(target));
     let (there, back) = (
-        Pass { rows: &rows, columns: &columns, kernel },
-        Pass { rows: &columns, columns: &rows, kernel },
+        PrunedPass { rows: &rows, columns: &columns, kernel },
+        PrunedPass { rows: &columns, columns: &rows, kernel },
     );
     let start = Moments::about(source.origin, target.origin);
     let mut weighed = 0;
-    let mut sums = |pass: &Pass<'_, K>, scaling: Scaling<'_>, powers| {
+    let mut sums = |pass: &PrunedPass<'_, K>, scaling: Scaling<'_>, powers| {
         let (sums, count) = pass.sums(scaling, row_share(tolerance, powers));
         weighed += count;
         sums
@@ -78,24 +78,24 @@ pub(super) fn moments<K: WeightKernel>(
     let (moments, count) = match normalization {
         Normalization::None => there.moments(Scaling::None, tolerance, start),
         Normalization::Source => {
-            let u = inverted(&sums(&there, Scaling::None, 1), 1.0);
+            let u = inverse_factors(&sums(&there, Scaling::None, 1), 1.0);
             there.moments(Scaling::Source(&u), last, start)
         }
         Normalization::Target => {
-            let v = inverted(&sums(&back, Scaling::None, 1), 1.0);
+            let v = inverse_factors(&sums(&back, Scaling::None, 1), 1.0);
             there.moments(Scaling::Target(&v), last, start)
         }
         Normalization::Both => {
-            let u = inverted(&sums(&there, Scaling::None, 2), 1.0);
-            let v = inverted(&sums(&back, Scaling::None, 2), 1.0);
+            let u = inverse_factors(&sums(&there, Scaling::None, 2), 1.0);
+            let v = inverse_factors(&sums(&back, Scaling::None, 2), 1.0);
             there.moments(Scaling::Dual(&u, &v), last, start)
         }
         Normalization::Sinkhorn(rounds) => {
             let (n, m) = (rows.rows.len() as f64, columns.rows.len() as f64);
             let (mut u, mut v) = (Vec::new(), vec![1.0f32; columns.rows.len()]);
             for _ in 0..rounds {
-                u = inverted(&sums(&there, Scaling::Target(&v), 2 * rounds), 1.0 / n);
-                v = inverted(&sums(&back, Scaling::Target(&u), 2 * rounds), 1.0 / m);
+                u = inverse_factors(&sums(&there, Scaling::Target(&v), 2 * rounds), 1.0 / n);
+                v = inverse_factors(&sums(&back, Scaling::Target(&u), 2 * rounds), 1.0 / m);
             }
             there.moments(Scaling::Product(&u, &v), last, start)
         }
@@ -109,25 +109,25 @@ fn row_share(tolerance: f64, powers: u32) -> f64 {
 }
 
 /// Every row of one side against the columns that matter to it.
-struct Pass<'a, K> {
-    rows: &'a Compact,
-    columns: &'a Compact,
+struct PrunedPass<'a, K> {
+    rows: &'a BoundedSide,
+    columns: &'a BoundedSide,
     kernel: &'a K,
 }
 
-impl<K: WeightKernel> Pass<'_, K> {
+impl<K: WeightKernel> PrunedPass<'_, K> {
     /// Moments, of every block all but `share` of its weight.
     fn moments(&self, scaling: Scaling<'_>, share: f64, start: Moments) -> (Moments, u64) {
         let rows = &self.rows.rows;
-        let blocks = par::map_blocks(rows.len(), BLOCK, Scratch::default, |scratch, block| {
-            let Scratch { budget, gathered, tile } = scratch;
+        let blocks = par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
+            let PrunedScratch { budget, gathered, tile } = scratch;
             let mut sums = vec![[0.0; 6]; block.len()];
-            budget.bound(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
+            budget.bound_weights(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
             let factors = scaling.rows(block.clone());
-            let weighed = budget.spend(share, |groups| {
-                for groups in groups.chunks(WIDEST) {
-                    gathered.take(self.columns, groups, scaling);
-                    gathered.place(self.columns, groups);
+            let weighed = budget.weigh_within_share(share, |groups| {
+                for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
+                    gathered.gather_descriptors(self.columns, groups, scaling);
+                    gathered.gather_positions(self.columns, groups);
                     let mut reducer =
                         MomentSums { targets: &gathered.targets, sums: std::mem::take(&mut sums) };
                     self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
@@ -149,13 +149,13 @@ impl<K: WeightKernel> Pass<'_, K> {
     /// Σ_j w_ij of every row, short of it by at most `share` of it.
     fn sums(&self, scaling: Scaling<'_>, share: f64) -> (Vec<f64>, u64) {
         let rows = &self.rows.rows;
-        let blocks = par::map_blocks(rows.len(), BLOCK, Scratch::default, |scratch, block| {
-            let Scratch { budget, gathered, tile } = scratch;
+        let blocks = par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
+            let PrunedScratch { budget, gathered, tile } = scratch;
             let mut reducer = RowSums { sums: vec![0.0; block.len()] };
-            budget.bound(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
-            let weighed = budget.spend(share, |groups| {
-                for groups in groups.chunks(WIDEST) {
-                    gathered.take(self.columns, groups, scaling);
+            budget.bound_weights(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
+            let weighed = budget.weigh_within_share(share, |groups| {
+                for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
+                    gathered.gather_descriptors(self.columns, groups, scaling);
                     self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
                 }
                 let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
@@ -172,7 +172,7 @@ impl<K: WeightKernel> Pass<'_, K> {
     fn weigh(
         &self,
         block: Range<usize>,
-        gathered: &Gathered,
+        gathered: &GatheredTile,
         scaling: Scaling<'_>,
         reducer: &mut impl Reducer,
         tile: &mut Vec<f32>,
@@ -204,8 +204,8 @@ impl Scaling<'_> {
 
 /// What a thread uses again.
 #[derive(Default)]
-struct Scratch {
-    budget: Budget,
-    gathered: Gathered,
+struct PrunedScratch {
+    budget: PruningBudget,
+    gathered: GatheredTile,
     tile: Vec<f32>,
 }

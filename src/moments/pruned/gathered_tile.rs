@@ -4,23 +4,23 @@ use std::ops::Range;
 
 use super::super::reduce::Targets;
 use super::super::tile::{Panels, Scaling};
-use super::compact::{Compact, GROUP};
+use super::bounded_side::{BoundedSide, GROUP};
 
 /// Most groups a tile: 480 columns, in whole lanes, and no power of two, which would put all
 /// dimensions of a column in the same few lines of the first-level cache.
-pub(super) const WIDEST: usize = 60;
+pub(super) const MAX_GROUPS_PER_TILE: usize = 60;
 
 /// A tile of columns, laid out for [`weigh_block`](super::super::tile::weigh_block).
 #[derive(Default)]
-pub(super) struct Gathered {
+pub(super) struct GatheredTile {
     pub(super) panels: Panels,
     pub(super) targets: Targets,
     factors: Vec<f32>,
 }
 
-impl Gathered {
+impl GatheredTile {
     /// Takes the descriptors and factors of ascending `groups`.
-    pub(super) fn take(&mut self, from: &Compact, groups: &[u32], scaling: Scaling<'_>) {
+    pub(super) fn gather_descriptors(&mut self, from: &BoundedSide, groups: &[u32], scaling: Scaling<'_>) {
         let (dim, n) = (from.rows.dim(), from.rows.len());
         let Panels { values, norms } = &mut self.panels;
         collect(norms, from.rows.norms(), groups);
@@ -48,7 +48,7 @@ impl Gathered {
     }
 
     /// Takes their positions.
-    pub(super) fn place(&mut self, from: &Compact, groups: &[u32]) {
+    pub(super) fn gather_positions(&mut self, from: &BoundedSide, groups: &[u32]) {
         let (to, from) = (&mut self.targets, &from.streamed);
         collect(&mut to.x, &from.x, groups);
         collect(&mut to.y, &from.y, groups);

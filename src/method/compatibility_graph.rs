@@ -4,36 +4,36 @@ use crate::par;
 
 /// An undirected graph as rows of bits: n²/8 bytes.
 #[derive(Debug, Clone)]
-pub(super) struct Graph {
+pub(super) struct CompatibilityGraph {
     len: usize,
     words: usize,
     bits: Vec<u64>,
 }
 
-impl Graph {
+impl CompatibilityGraph {
     /// The graph of `len` vertices with an edge where the symmetric `joined` says so.
-    pub(super) fn new(len: usize, joined: impl Fn(usize, usize) -> bool + Sync) -> Self {
+    pub(super) fn new(len: usize, has_edge: impl Fn(usize, usize) -> bool + Sync) -> Self {
         let words = len.div_ceil(64).max(1);
         let mut bits = vec![0; len * words];
         let fill = |_: &mut (), i: usize, row: &mut [u64]| {
-            for j in (0..len).filter(|&j| j != i && joined(i, j)) {
+            for j in (0..len).filter(|&j| j != i && has_edge(i, j)) {
                 row[j / 64] |= 1 << (j % 64);
             }
         };
         par::for_each_row(&mut bits, words, || (), fill);
-        Graph { len, words, bits }
+        CompatibilityGraph { len, words, bits }
     }
 
     /// The graph of `vertices` alone, numbered by their place in the list.
-    pub(super) fn induced(&self, vertices: &[usize]) -> Graph {
+    pub(super) fn induced_subgraph(&self, vertices: &[usize]) -> CompatibilityGraph {
         let words = vertices.len().div_ceil(64).max(1);
         let mut bits = vec![0; vertices.len() * words];
         for (row, &v) in bits.chunks_exact_mut(words).zip(vertices) {
-            for (place, _) in vertices.iter().enumerate().filter(|&(_, &w)| self.joined(v, w)) {
+            for (place, _) in vertices.iter().enumerate().filter(|&(_, &w)| self.has_edge(v, w)) {
                 row[place / 64] |= 1 << (place % 64);
             }
         }
-        Graph { len: vertices.len(), words, bits }
+        CompatibilityGraph { len: vertices.len(), words, bits }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -41,30 +41,30 @@ impl Graph {
     }
 
     /// Words a row.
-    pub(super) fn words(&self) -> usize {
+    pub(super) fn words_per_row(&self) -> usize {
         self.words
     }
 
-    pub(super) fn row(&self, v: usize) -> &[u64] {
+    pub(super) fn adjacency_row(&self, v: usize) -> &[u64] {
         &self.bits[v * self.words..(v + 1) * self.words]
     }
 
-    pub(super) fn joined(&self, v: usize, w: usize) -> bool {
-        self.row(v)[w / 64] >> (w % 64) & 1 == 1
+    pub(super) fn has_edge(&self, v: usize, w: usize) -> bool {
+        self.adjacency_row(v)[w / 64] >> (w % 64) & 1 == 1
     }
 
     pub(super) fn degree(&self, v: usize) -> usize {
-        count(self.row(v))
+        count_set_bits(self.adjacency_row(v))
     }
 }
 
 /// Number of bits set.
-pub(super) fn count(bits: &[u64]) -> usize {
+pub(super) fn count_set_bits(bits: &[u64]) -> usize {
     bits.iter().map(|word| word.count_ones() as usize).sum()
 }
 
 /// Places of the bits set, ascending.
-pub(super) fn members(bits: &[u64]) -> impl Iterator<Item = usize> + '_ {
+pub(super) fn set_bits(bits: &[u64]) -> impl Iterator<Item = usize> + '_ {
     bits.iter().enumerate().flat_map(|(at, &word)| {
         let next = |rest: &u64| Some(rest & (rest - 1)).filter(|&rest| rest != 0);
         std::iter::successors(Some(word).filter(|&word| word != 0), next)

@@ -10,47 +10,47 @@ use crate::search::SearchTree;
 
 /// Longest pairs of ICP, in lengths that clouds of 5000 points are thinned to: where clouds
 /// overlap in part, longer ones draw them together.
-pub(super) const MAX_PAIR: f64 = 2.0;
+pub(super) const MAX_REFINE_DISTANCE: f64 = 2.0;
 /// Share of the points that are taken to overlap at the least. Chosen by hand.
-const OVERLAP: f64 = 0.2;
+const MIN_OVERLAP: f64 = 0.2;
 /// How much longer pairs may be than those of that share: the surfaces may be off by more than
 /// the nearest points are. Chosen by hand.
-const ALLOWANCE: f64 = 4.0;
+const DISTANCE_FACTOR: f64 = 4.0;
 /// Rounds end when pairs become shorter by less than this share. Chosen by hand.
-const SHRINK: f64 = 0.7;
+const CONVERGENCE_RATIO: f64 = 0.7;
 /// Most rounds.
-const ROUNDS: usize = 6;
+const MAX_ROUNDS: usize = 6;
 /// Longest bound that ICP takes.
-const LONGEST: f64 = 1e15;
+const MAX_DISTANCE: f64 = 1e15;
 /// Points that distances are measured at.
-const PROBES: usize = 1000;
+const MAX_SAMPLES: usize = 1000;
 
 /// Refines the pose `initial` by pairs whose bound follows from the clouds, and shrinks as the
 /// pose improves.
 ///
 /// # Errors
 /// Those of [`Refine::refine`].
-pub(super) fn refine_bounded(
+pub(super) fn refine_with_distance_limit(
     icp: &Icp,
     source: Cached<'_>,
     target: Cached<'_>,
     initial: &Transform,
 ) -> Result<Registration> {
     let [from, onto] =
-        par::both([source, target], |end| filter::voxel_side(end.cloud, super::consensus::DOWNSAMPLED_POINTS))?;
-    let shortest = MAX_PAIR * (from * initial.scale).max(onto);
+        par::join_pair([source, target], |end| filter::voxel_size_for(end.cloud, super::consensus::DOWNSAMPLED_POINTS))?;
+    let shortest = MAX_REFINE_DISTANCE * (from * initial.scale).max(onto);
     let few = [source, target].iter().any(|end| end.cloud.len() < 3);
-    if few || !(shortest > 0.0 && shortest < LONGEST) {
+    if few || !(shortest > 0.0 && shortest < MAX_DISTANCE) {
         // Clouds without a size: the method itself says what is wrong with them.
         return icp.refine_cached(source, target, initial);
     }
     let mut found: Option<Registration> = None;
     let mut before = f64::INFINITY;
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let pose = found.as_ref().map_or(*initial, |found| found.transform);
-        let near = nearest_share(source.cloud, target.cloud, &pose)?;
-        let bound = shortest.max(ALLOWANCE * near).min(LONGEST);
-        if found.is_some() && bound > SHRINK * before {
+        let near = overlap_distance(source.cloud, target.cloud, &pose)?;
+        let bound = shortest.max(DISTANCE_FACTOR * near).min(MAX_DISTANCE);
+        if found.is_some() && bound > CONVERGENCE_RATIO * before {
             break;
         }
         before = bound;
@@ -69,18 +69,18 @@ pub(super) fn refine_bounded(
 
 /// Distance within which [`OVERLAP`] of the points of one cloud have a point of the other, of the
 /// cloud for which it is shorter.
-fn nearest_share(source: &PointCloud, target: &PointCloud, pose: &Transform) -> Result<f64> {
+fn overlap_distance(source: &PointCloud, target: &PointCloud, pose: &Transform) -> Result<f64> {
     let moved = |p| math::sub(pose.apply(p), target.origin()).map(|x| x as f32);
     let moved: Vec<[f32; 3]> = source.positions().map(moved).collect();
     if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let share = |from: &[[f32; 3]], onto: &[[f32; 3]]| -> Result<f64> {
-        let step = from.len().div_ceil(PROBES).max(1);
+        let step = from.len().div_ceil(MAX_SAMPLES).max(1);
         let tree = SearchTree::new(onto)?;
         let distance = |point| tree.nearest(point).squared_distance;
         let mut squared: Vec<f32> = from.iter().step_by(step).map(distance).collect();
-        let at = (OVERLAP * squared.len() as f64) as usize;
+        let at = (MIN_OVERLAP * squared.len() as f64) as usize;
         let (_, squared, _) = squared.select_nth_unstable_by(at, f32::total_cmp);
         Ok(f64::from(*squared).sqrt())
     };

@@ -3,18 +3,18 @@
 use std::ops::Range;
 
 /// Most cubes; a cloud that has more of them about it has every place near.
-const MOST: f64 = (1 << 24) as f64;
+const MAX_CELLS: f64 = (1 << 24) as f64;
 
 /// The cubes that hold a point of a cloud, and those around them.
-pub struct Vicinity {
+pub struct OccupancyGrid {
     low: [f64; 3],
-    reach: f64,
+    cell_size: f64,
     /// Cubes along each axis; 0 where they are too many.
     size: [usize; 3],
     bits: Vec<u64>,
 }
 
-impl Vicinity {
+impl OccupancyGrid {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.bits[..])
@@ -32,14 +32,14 @@ impl Vicinity {
         let cubes =
             [0, 1, 2].map(|a| ((f64::from(high[a]) - low[a]) / reach).ceil().max(0.0) + 3.0);
         let all: f64 = cubes.iter().product();
-        if all > MOST {
-            return Vicinity { low, reach, size: [0; 3], bits: Vec::new() };
+        if all > MAX_CELLS {
+            return OccupancyGrid { low, cell_size: reach, size: [0; 3], bits: Vec::new() };
         }
         let size = cubes.map(|n| n as usize);
         let bits = vec![0; size.iter().product::<usize>().div_ceil(64)];
-        let mut vicinity = Vicinity { low, reach, size, bits };
+        let mut vicinity = OccupancyGrid { low, cell_size: reach, size, bits };
         for point in points {
-            let Some(at) = vicinity.cube(point) else { continue };
+            let Some(at) = vicinity.cell(point) else { continue };
             let around =
                 |a: usize| -> Range<usize> { at[a].saturating_sub(1)..(at[a] + 2).min(size[a]) };
             for x in around(0) {
@@ -55,18 +55,18 @@ impl Vicinity {
     }
 
     /// False only where no point is within reach.
-    pub fn may_hold(&self, place: &[f32; 3]) -> bool {
+    pub fn may_contain(&self, place: &[f32; 3]) -> bool {
         if self.bits.is_empty() {
             return true;
         }
-        self.cube(place).is_some_and(|at| {
+        self.cell(place).is_some_and(|at| {
             let bit = self.bit(at);
             self.bits[bit / 64] >> (bit % 64) & 1 == 1
         })
     }
 
-    fn cube(&self, place: &[f32; 3]) -> Option<[usize; 3]> {
-        let at = [0, 1, 2].map(|a| (f64::from(place[a]) - self.low[a]) / self.reach);
+    fn cell(&self, place: &[f32; 3]) -> Option<[usize; 3]> {
+        let at = [0, 1, 2].map(|a| (f64::from(place[a]) - self.low[a]) / self.cell_size);
         let within = (0..3).all(|a| at[a] >= 0.0 && at[a] < self.size[a] as f64);
         within.then(|| at.map(|x| x as usize))
     }
@@ -89,10 +89,10 @@ mod tests {
             places in prop::collection::vec(prop::array::uniform3(-9.0f32..9.0), 1..200),
             reach in 0.01f64..4.0,
         ) {
-            let (tree, vicinity) = (SearchTree::new(&points).unwrap(), Vicinity::new(&points, reach));
+            let (tree, vicinity) = (SearchTree::new(&points).unwrap(), OccupancyGrid::new(&points, reach));
             for place in &places {
                 let far = f64::from(tree.nearest(place).squared_distance).sqrt();
-                prop_assert!(vicinity.may_hold(place) || far > reach);
+                prop_assert!(vicinity.may_contain(place) || far > reach);
             }
         }
     }
@@ -100,12 +100,12 @@ mod tests {
     #[test]
     fn most_places_far_away_are_passed_over() {
         let line: Vec<[f32; 3]> = (0..100).map(|i| [i as f32, 0.0, 0.0]).collect();
-        let vicinity = Vicinity::new(&line, 1.0);
+        let vicinity = OccupancyGrid::new(&line, 1.0);
         for far in [3.0, 50.0, 1e9, -1e30, f32::NAN, f32::INFINITY] {
-            assert!(!vicinity.may_hold(&[50.0, far, 0.0]) && !vicinity.may_hold(&[50.0, 0.0, far]));
+            assert!(!vicinity.may_contain(&[50.0, far, 0.0]) && !vicinity.may_contain(&[50.0, 0.0, far]));
         }
         // Few points in many cubes: nothing is told.
-        let sparse = Vicinity::new(&[[0.0; 3], [1e9; 3]], 1.0);
-        assert!(sparse.may_hold(&[50.0; 3]) && sparse.bits.is_empty());
+        let sparse = OccupancyGrid::new(&[[0.0; 3], [1e9; 3]], 1.0);
+        assert!(sparse.may_contain(&[50.0; 3]) && sparse.bits.is_empty());
     }
 }

@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use crate::io::fault::{Fault, LONGEST_HEADER, beginning, shown};
+use crate::io::content_error::{ContentError, MAX_HEADER_BYTES, truncate_message, quote_start};
 
 /// The header as text, with what is needed to tell where it is wrong.
 #[derive(Default)]
-pub(super) struct Head {
+pub(super) struct PcdHeader {
     pub text: String,
     pub bytes: usize,
     /// The line of each entry, by its keyword.
@@ -16,12 +16,12 @@ pub(super) struct Head {
     pub comments: usize,
 }
 
-impl Head {
+impl PcdHeader {
     /// Finds the end of the header and checks each entry's numbers on the way: pcd-rs
     /// says neither which entry was no number nor that one was there twice.
-    pub fn parse(content: &[u8]) -> Result<Head, Fault> {
-        let start = &content[..content.len().min(LONGEST_HEADER)];
-        let mut head = Head::default();
+    pub fn parse(content: &[u8]) -> Result<PcdHeader, ContentError> {
+        let start = &content[..content.len().min(MAX_HEADER_BYTES)];
+        let mut head = PcdHeader::default();
         for line in start.split_inclusive(|&byte| byte == b'\n') {
             head.bytes += line.len();
             head.last += 1;
@@ -31,36 +31,36 @@ impl Head {
             head.comments += usize::from(line.contains('#') && !line.starts_with("# .PCD"));
             let mut words = line.split('#').next().unwrap_or_default().split_ascii_whitespace();
             let Some(keyword) = words.next().map(str::to_uppercase) else { continue };
-            check_numbers(&keyword, words).map_err(|what| Fault::line(head.last, what))?;
+            check_numbers(&keyword, words).map_err(|what| ContentError::line(head.last, what))?;
             let is_data = keyword == "DATA";
             if let Some(first) = head.lines.insert(keyword, head.last) {
                 let what = format!("repeats the entry of line {first}");
-                return Err(Fault::line(head.last, what));
+                return Err(ContentError::line(head.last, what));
             }
             if is_data {
                 return Ok(head);
             }
         }
-        Err(Fault::new(format!("there is no DATA entry in the first {} bytes", start.len())))
+        Err(ContentError::new(format!("there is no DATA entry in the first {} bytes", start.len())))
     }
 
     /// A fault in the entry `keyword`.
-    pub fn at(&self, keyword: &str, what: String) -> Fault {
+    pub fn at(&self, keyword: &str, what: String) -> ContentError {
         match self.lines.get(keyword) {
-            Some(&line) => Fault::line(line, what),
-            None => Fault::new(what),
+            Some(&line) => ContentError::line(line, what),
+            None => ContentError::new(what),
         }
     }
 
     /// The refusal of pcd-rs, with the line of the entry that it speaks of.
-    pub fn fault(&self, error: pcd_rs::Error) -> Fault {
+    pub fn fault(&self, error: pcd_rs::Error) -> ContentError {
         let what = match error {
             pcd_rs::Error::ParseError { desc, .. } => desc,
             other => other.to_string(),
         };
         let mut words = what.split_whitespace().map(str::to_uppercase);
         let entry = words.find(|word| self.lines.contains_key(word)).unwrap_or_default();
-        self.at(&entry, format!("the header is not understood: {}", beginning(&what)))
+        self.at(&entry, format!("the header is not understood: {}", truncate_message(&what)))
     }
 }
 
@@ -79,7 +79,7 @@ fn check_numbers<'a>(
         _ => (None, ""),
     };
     match bad {
-        Some(value) => Err(format!("{keyword} has {}, expected {expected}", shown(value))),
+        Some(value) => Err(format!("{keyword} has {}, expected {expected}", quote_start(value))),
         None => Ok(()),
     }
 }

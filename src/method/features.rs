@@ -4,28 +4,28 @@ use serde::{Deserialize, Serialize};
 
 use std::sync::Arc;
 
-use super::cache::{Cached, Keep};
-use super::channels::{Channel, values_of};
-use super::registration::{Counts, Timings};
+use super::cache::{Cached, HeapSize};
+use super::channels::{Channel, channel_values};
+use super::registration::{CloudCounts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
-use crate::moments::{Described, FullConnection};
+use crate::moments::{FeatureView, FullConnection};
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
 /// How a cloud is described: normals, then FPFH.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Describe {
+pub struct FeatureConfig {
     /// Neighbourhood of descriptors. Default the paper's 150 nearest points (section
     /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
     /// under noise. A radius suits clouds of known unit and uneven density.
     pub neighborhood: Neighborhood,
     /// More scales, whose descriptors are put beside ([`Descriptors::beside`]), so that
     /// points are alike when they are alike at every scale. Default none, as in the paper.
-    pub more_scales: Vec<Scale>,
+    pub more_scales: Vec<DescriptorScale>,
     /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
     /// smaller one keeps edges.
     pub normal_neighborhood: Option<Neighborhood>,
@@ -41,7 +41,7 @@ pub struct Describe {
 
 /// One more scale at which points are described.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Scale {
+pub struct DescriptorScale {
     /// Neighbourhood of its descriptors.
     pub neighborhood: Neighborhood,
     /// Neighbourhood of its normals; default: its normals are those of the first scale.
@@ -49,9 +49,9 @@ pub struct Scale {
     pub normal_neighborhood: Option<Neighborhood>,
 }
 
-impl Default for Describe {
+impl Default for FeatureConfig {
     fn default() -> Self {
-        Describe {
+        FeatureConfig {
             neighborhood: Neighborhood::Nearest(150),
             more_scales: Vec::new(),
             normal_neighborhood: None,
@@ -64,7 +64,7 @@ impl Default for Describe {
 
 /// The points of a cloud that have a descriptor, and their descriptors.
 #[derive(Debug, Clone)]
-pub struct Prepared {
+pub struct FeatureCloud {
     points: Vec<[f32; 3]>,
     origin: [f64; 3],
     pub(super) descriptors: Descriptors,
@@ -72,10 +72,10 @@ pub struct Prepared {
     weights: Option<Vec<f32>>,
     /// Values of [`Describe::channels`] at the points, until they are joined.
     pub(super) channels: Vec<Vec<f32>>,
-    counts: Counts,
+    counts: CloudCounts,
 }
 
-impl Describe {
+impl FeatureConfig {
     /// Checks the ranges.
     ///
     /// # Errors
@@ -103,8 +103,8 @@ impl Describe {
     /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no
     /// point has a defined normal (all on a line or in one place), [`Error::Config`] when the
     /// cloud lacks one of [`channels`](Self::channels), and those of [`normals::estimate`].
-    pub fn prepare(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<Prepared> {
-        self.prepare_at(cloud, name, None, times)
+    pub fn extract(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<FeatureCloud> {
+        self.extract_at_keypoints(cloud, name, None, times)
     }
 
     /// The same for the points that `detector` finds: they alone are described, from all
@@ -113,20 +113,20 @@ impl Describe {
     /// # Errors
     /// Those of [`prepare`](Self::prepare) and [`Keypoints::detect`];
     /// [`Error::TooFewPoints`] for fewer than three keypoints with a descriptor.
-    pub fn prepare_at(
+    pub fn extract_at_keypoints(
         &self,
         cloud: &PointCloud,
         name: &str,
         detector: Option<&Keypoints>,
         times: &mut Timings,
-    ) -> Result<Prepared> {
+    ) -> Result<FeatureCloud> {
         self.validate()?;
         let points = cloud.points();
         if points.len() < 3 {
             let found = points.len();
             return Err(Error::TooFewPoints { what: name.into(), found, needed: 3 });
         }
-        let channels = values_of(&self.channels, cloud, name)?;
+        let channels = channel_values(&self.channels, cloud, name)?;
         let find = |neighborhood| Neighbors::find(points, neighborhood);
         let neighbors = times.time("neighbors", || find(self.neighborhood))?;
         // One search serves both where both ask the same; stored normals need none.
@@ -140,7 +140,7 @@ impl Describe {
             t.time("normals", || normals::estimate(cloud, around, self.orientation))
         };
         let normals = estimated(&neighbors, self.neighborhood, self.normal_neighborhood, times)?;
-        if normals.undefined() == points.len() {
+        if normals.undefined_count() == points.len() {
             let radius = match self.normal_neighborhood.unwrap_or(self.neighborhood) {
                 Neighborhood::Radius(radius) | Neighborhood::Hybrid { radius, .. } => Some(radius),
                 Neighborhood::Nearest(_) => None,
@@ -167,7 +167,7 @@ impl Describe {
             fpfh_at(points, &normals.vectors, neighbors, &rows, self.histogram)
         };
         let mut tables = vec![times.time("descriptors", || described_by(&normals, &neighbors))?];
-        let mut defined: Vec<bool> = rows.iter().map(|&row| normals.defined(row)).collect();
+        let mut defined: Vec<bool> = rows.iter().map(|&row| normals.is_defined(row)).collect();
         for scale in &self.more_scales {
             let neighbors = times.time("neighbors", || find(scale.neighborhood))?;
             let own = match scale.normal_neighborhood {
@@ -177,7 +177,7 @@ impl Describe {
                 None => None,
             };
             let normals = own.as_ref().unwrap_or(&normals);
-            defined.iter_mut().zip(&rows).for_each(|(is, &row)| *is &= normals.defined(row));
+            defined.iter_mut().zip(&rows).for_each(|(is, &row)| *is &= normals.is_defined(row));
             tables.push(times.time("descriptors", || described_by(normals, &neighbors))?);
         }
         let there = |table: &Descriptors, at| table.row(at).iter().any(|&bin| bin != 0.0);
@@ -196,13 +196,13 @@ impl Describe {
             Neighborhood::Radius(_) | Neighborhood::Hybrid { .. } => None,
         };
         let at_points = |values: &[f32]| described.iter().map(|&at| values[rows[at]]).collect();
-        Ok(Prepared {
+        Ok(FeatureCloud {
             weights: cloud.relative_weights().map(|weights| at_points(&weights)),
             channels: channels.into_iter().map(at_points).collect(),
             points: described.iter().map(|&at| points[rows[at]]).collect(),
             origin: cloud.origin(),
-            descriptors: Descriptors::beside(&tables)?.select(&described),
-            counts: Counts {
+            descriptors: Descriptors::concatenate(&tables)?.select(&described),
+            counts: CloudCounts {
                 dropped: cloud.dropped(),
                 no_returns: cloud.no_returns(),
                 used: points.len(),
@@ -217,29 +217,29 @@ impl Describe {
 
 /// Key of a described cloud.
 #[derive(PartialEq)]
-struct By(Describe, Option<Keypoints>);
+struct FeatureKey(FeatureConfig, Option<Keypoints>);
 
-impl Keep for Prepared {
+impl HeapSize for FeatureCloud {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         self.points.len() * 4 * (3 + self.descriptors.dim() + single)
     }
 }
 
-impl Describe {
+impl FeatureConfig {
     /// Both clouds of a pair with their channels beside their descriptors, ready to be connected.
     ///
     /// # Errors
     /// Those of [`prepare_at`](Self::prepare_at) and [`joined`](Self::joined).
-    pub(super) fn pair(
+    pub(super) fn extract_pair(
         &self,
         [source, target]: [Cached<'_>; 2],
         detector: Option<&Keypoints>,
         times: &mut Timings,
-    ) -> Result<[Arc<Prepared>; 2]> {
+    ) -> Result<[Arc<FeatureCloud>; 2]> {
         let mut prepare = |side: Cached<'_>, name| {
-            side.get(By(self.clone(), detector.copied()), || {
-                self.prepare_at(side.cloud, name, detector, times)
+            side.get(FeatureKey(self.clone(), detector.copied()), || {
+                self.extract_at_keypoints(side.cloud, name, detector, times)
             })
         };
         let sides = [prepare(source, "the source")?, prepare(target, "the target")?];
@@ -247,14 +247,14 @@ impl Describe {
             return Ok(sides);
         }
         // How much a channel counts follows from both clouds.
-        Ok(self.joined(sides.map(|side| Prepared::clone(&side)))?.map(Arc::new))
+        Ok(self.concatenate_channels(sides.map(|side| FeatureCloud::clone(&side)))?.map(Arc::new))
     }
 }
 
-impl Prepared {
+impl FeatureCloud {
     /// One side of a full connection.
-    pub fn described(&self) -> Described<'_> {
-        Described { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    pub fn view(&self) -> FeatureView<'_> {
+        FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
     }
 
     /// Weights of the points, in shares of the mean over the whole cloud, where it has any.
@@ -266,13 +266,13 @@ impl Prepared {
     ///
     /// # Errors
     /// Those of [`FullConnection::new`].
-    pub fn connection(&self, target: &Prepared) -> Result<FullConnection> {
-        FullConnection::new(self.described(), target.described())?
+    pub fn connection(&self, target: &FeatureCloud) -> Result<FullConnection> {
+        FullConnection::new(self.view(), target.view())?
             .with_point_weights(self.weights(), target.weights())
     }
 
     /// What became of the cloud's points.
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> CloudCounts {
         self.counts
     }
 }

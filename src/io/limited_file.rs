@@ -8,39 +8,39 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, ErrorKind, Read};
 use std::path::Path;
 
-use super::fault::Fault;
+use super::content_error::ContentError;
 use crate::error::{Error, Result};
 
 /// Most bytes of what has no size: a pipe or a device. Chosen by hand: a list of half a million
 /// pairs is shorter.
-pub(crate) const STREAM: u64 = 64 << 20;
+pub(crate) const MAX_STREAM_BYTES: u64 = 64 << 20;
 /// Most bytes of one row or line. Chosen by hand: a header of 70,000 columns is 1 MB.
-pub(crate) const RECORD: usize = 16 << 20;
+pub(crate) const MAX_RECORD_BYTES: usize = 16 << 20;
 /// Most bytes of one JSON document. Chosen by hand: `cfreg register --json` prints some
 /// kilobytes, with a trace some megabytes.
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) const DOCUMENT: u64 = 64 << 20;
+pub(crate) const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
 /// Bytes of memory for each byte of a file. Chosen by hand, as clouds have it.
-const FACTOR: u64 = 10;
+const MEMORY_FACTOR: u64 = 10;
 /// Bytes of memory beside those. Chosen by hand: rows that only say why there is no answer are
 /// short as Parquet, and this has room for a quarter of a million of them.
-const FREE: u64 = 256 << 20;
+const BASE_MEMORY: u64 = 256 << 20;
 
 /// An open file: a regular one, or a stream of which no more than [`STREAM`] bytes are read.
 #[derive(Debug)]
-pub(crate) struct Guarded {
+pub(crate) struct LimitedFile {
     file: File,
     /// Bytes that may still be read of a stream; `None` for a regular file.
     left: Option<u64>,
     size: u64,
 }
 
-impl Guarded {
+impl LimitedFile {
     /// Opens a file.
     ///
     /// # Errors
     /// [`Error::Io`], for a folder too.
-    pub(crate) fn open(path: &Path) -> Result<Guarded> {
+    pub(crate) fn open(path: &Path) -> Result<LimitedFile> {
         let failed = |error| Error::io(path, error);
         let facts = fs::metadata(path).map_err(failed)?;
         if facts.is_dir() {
@@ -48,17 +48,17 @@ impl Guarded {
         }
         let file = File::open(path).map_err(failed)?;
         let regular = facts.is_file();
-        let size = if regular { facts.len() } else { STREAM };
-        Ok(Guarded { file, left: (!regular).then_some(STREAM), size })
+        let size = if regular { facts.len() } else { MAX_STREAM_BYTES };
+        Ok(LimitedFile { file, left: (!regular).then_some(MAX_STREAM_BYTES), size })
     }
 
     /// The memory that may be taken for the file.
-    pub(crate) fn budget(&self) -> Budget {
-        Budget::new(self.size)
+    pub(crate) fn budget(&self) -> MemoryBudget {
+        MemoryBudget::new(self.size)
     }
 }
 
-impl Read for Guarded {
+impl Read for LimitedFile {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let Some(left) = self.left else { return self.file.read(buffer) };
         if left == 0 {
@@ -67,7 +67,7 @@ impl Read for Guarded {
                 0 => Ok(0),
                 _ => Err(too_large(format!(
                     "is a stream of more than {}: write it to a file first, if it has an end",
-                    mebibytes(STREAM)
+                    mebibytes(MAX_STREAM_BYTES)
                 ))),
             };
         }
@@ -82,14 +82,14 @@ impl Read for Guarded {
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for a larger file.
-pub(crate) fn bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> {
+pub(crate) fn read_bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> {
     let mut content = Vec::new();
-    let mut file = Guarded::open(path)?.take(most + 1);
+    let mut file = LimitedFile::open(path)?.take(most + 1);
     file.read_to_end(&mut content).map_err(|error| Error::io(path, error))?;
     if content.len() as u64 > most {
         let most = mebibytes(most);
         let what = format!("has more than {most}, and {what} is short: is it the right file?");
-        return Err(Fault::new(what).within(path));
+        return Err(ContentError::new(what).into_error(path));
     }
     Ok(content)
 }
@@ -99,10 +99,10 @@ pub(crate) fn bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`bytes`], and [`Error::Parse`] for what is not UTF-8.
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) fn text(path: &Path, most: u64, what: &str) -> Result<String> {
-    String::from_utf8(bytes(path, most, what)?).map_err(|error| {
+pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
+    String::from_utf8(read_bytes(path, most, what)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
-        Fault::byte(at, "is not UTF-8 text").within(path)
+        ContentError::byte(at, "is not UTF-8 text").into_error(path)
     })
 }
 
@@ -111,11 +111,11 @@ pub(crate) fn text(path: &Path, most: u64, what: &str) -> Result<String> {
 /// # Errors
 /// Those of reading, and for a line of more than [`RECORD`] bytes.
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) fn line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
+pub(crate) fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();
-    reader.take(RECORD as u64 + 1).read_until(b'\n', line)?;
-    if line.len() > RECORD {
-        return Err(too_large(format!("has a line of more than {}", mebibytes(RECORD as u64))));
+    reader.take(MAX_RECORD_BYTES as u64 + 1).read_until(b'\n', line)?;
+    if line.len() > MAX_RECORD_BYTES {
+        return Err(too_large(format!("has a line of more than {}", mebibytes(MAX_RECORD_BYTES as u64))));
     }
     Ok(!line.is_empty())
 }
@@ -131,33 +131,33 @@ pub(crate) fn mebibytes(bytes: u64) -> String {
 
 /// How many times its size a list takes that grows: it doubles, and while it moves both are there.
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) const GROWING: usize = 3;
+pub(crate) const GROWTH_FACTOR: usize = 3;
 
 /// The memory that what is made of a file may take.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Budget {
+pub(crate) struct MemoryBudget {
     most: u64,
     left: u64,
 }
 
-impl Budget {
+impl MemoryBudget {
     /// For a file of that many bytes.
-    pub(crate) fn new(size: u64) -> Budget {
-        let most = size.saturating_mul(FACTOR).saturating_add(FREE);
-        Budget { most, left: most }
+    pub(crate) fn new(size: u64) -> MemoryBudget {
+        let most = size.saturating_mul(MEMORY_FACTOR).saturating_add(BASE_MEMORY);
+        MemoryBudget { most, left: most }
     }
 
     /// Takes so many bytes of it.
     ///
     /// # Errors
     /// When there are not that many.
-    pub(crate) fn take(&mut self, bytes: usize) -> Result<(), String> {
+    pub(crate) fn reserve(&mut self, bytes: usize) -> Result<(), String> {
         self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| {
             let most = mebibytes(self.most);
             format!(
                 "would take more than {most} of memory, ten times its size and {}: it is damaged, or \
                  holds something else; split it, if it is right",
-                mebibytes(FREE)
+                mebibytes(BASE_MEMORY)
             )
         })?;
         Ok(())
@@ -170,10 +170,10 @@ mod tests {
 
     #[test]
     fn budgets_end() {
-        let mut budget = Budget::new(1 << 20);
-        budget.take(266 << 20).unwrap();
-        assert!(budget.take(1).unwrap_err().contains("266 MiB"));
-        assert!(Budget::new(u64::MAX).take(usize::MAX).is_ok());
+        let mut budget = MemoryBudget::new(1 << 20);
+        budget.reserve(266 << 20).unwrap();
+        assert!(budget.reserve(1).unwrap_err().contains("266 MiB"));
+        assert!(MemoryBudget::new(u64::MAX).reserve(usize::MAX).is_ok());
     }
 
     #[test]
@@ -181,17 +181,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         fs::write(&path, [b'x'; 9]).unwrap();
-        assert_eq!(bytes(&path, 9, "it").unwrap().len(), 9);
-        assert!(bytes(&path, 8, "it").unwrap_err().to_string().contains("it is short"));
+        assert_eq!(read_bytes(&path, 9, "it").unwrap().len(), 9);
+        assert!(read_bytes(&path, 8, "it").unwrap_err().to_string().contains("it is short"));
     }
 
     #[cfg(all(unix, any(feature = "batch", feature = "figures")))]
     #[test]
     fn a_stream_without_end_is_refused() {
-        let said = text(Path::new("/dev/zero"), u64::MAX - 1, "it").unwrap_err().to_string();
+        let said = read_text(Path::new("/dev/zero"), u64::MAX - 1, "it").unwrap_err().to_string();
         assert!(said.contains("stream of more than 64 MiB"), "{said}");
-        let mut endless = io::BufReader::new(Guarded::open(Path::new("/dev/zero")).unwrap());
-        let said = line(&mut endless, &mut Vec::new()).unwrap_err().to_string();
+        let mut endless = io::BufReader::new(LimitedFile::open(Path::new("/dev/zero")).unwrap());
+        let said = read_line(&mut endless, &mut Vec::new()).unwrap_err().to_string();
         assert!(said.contains("line of more than 16 MiB"), "{said}");
     }
 }

@@ -3,9 +3,9 @@
 use pulp::{Simd, WithSimd};
 
 use super::super::tile::Scaling;
-use super::compact::{Compact, GROUP};
-use super::gathered;
-use super::{FIRST, SLACK};
+use super::bounded_side::{BoundedSide, GROUP};
+use super::gathered_tile;
+use super::{FIRST_FRACTION, ROUNDING_FACTOR};
 use crate::weight::WeightKernel;
 
 /// Positive f32 in order, four levels a power of two: their sign bit is 0, and the ten bits
@@ -17,7 +17,7 @@ fn level(bound: f32) -> usize {
 }
 
 /// Upper bounds of the weights of groups of columns in any row of a block, row factors apart.
-pub(super) struct Budget {
+pub(super) struct PruningBudget {
     /// Of single columns.
     bounds: Vec<f32>,
     /// Of every group, the sum over its columns.
@@ -27,28 +27,28 @@ pub(super) struct Budget {
     listed: Vec<u32>,
 }
 
-impl Default for Budget {
+impl Default for PruningBudget {
     fn default() -> Self {
         let levels = vec![(0, 0.0); LEVELS];
-        Budget { bounds: Vec::new(), groups: Vec::new(), levels, listed: Vec::new() }
+        PruningBudget { bounds: Vec::new(), groups: Vec::new(), levels, listed: Vec::new() }
     }
 }
 
-impl Budget {
+impl PruningBudget {
     /// Bounds the weights of `columns` in a block of `rows`.
-    pub(super) fn bound<K: WeightKernel>(
+    pub(super) fn bound_weights<K: WeightKernel>(
         &mut self,
         kernel: &K,
-        rows: &Compact,
+        rows: &BoundedSide,
         block: usize,
-        columns: &Compact,
+        columns: &BoundedSide,
         scaling: Scaling<'_>,
     ) {
-        let Budget { bounds, groups, levels, .. } = self;
-        columns.distances_from(rows, block, bounds);
+        let PruningBudget { bounds, groups, levels, .. } = self;
+        columns.distance_bounds(rows, block, bounds);
         let factors = scaling.columns();
         let squared = matches!(scaling, Scaling::Dual(..));
-        pulp::Arch::new().dispatch(Weigh { kernel, bounds, factors, squared });
+        pulp::Arch::new().dispatch(BoundWeights { kernel, bounds, factors, squared });
         groups.clear();
         groups.extend(bounds.chunks(GROUP).map(|group| group.iter().sum::<f32>()));
         levels.fill((0, 0.0));
@@ -64,8 +64,8 @@ impl Budget {
     /// row of factor 1. Returns how many columns were weighed.
     ///
     /// What it reports grows with what it has weighed, so the promise holds at the end too.
-    pub(super) fn spend(&mut self, share: f64, mut weigh: impl FnMut(&[u32]) -> f64) -> u64 {
-        let enough = self.groups.len().div_ceil(FIRST);
+    pub(super) fn weigh_within_share(&mut self, share: f64, mut weigh: impl FnMut(&[u32]) -> f64) -> u64 {
+        let enough = self.groups.len().div_ceil(FIRST_FRACTION);
         let (mut first, mut count) = (LEVELS, 0);
         while count < enough {
             first -= 1;
@@ -91,31 +91,31 @@ impl Budget {
         let within = groups.filter(|&(_, &bound)| (from..to).contains(&level(bound)));
         self.listed.clear();
         self.listed.extend(within.map(|(group, _)| group as u32));
-        let columns = |&group: &u32| gathered::columns(group, self.bounds.len()).len();
+        let columns = |&group: &u32| gathered_tile::columns(group, self.bounds.len()).len();
         self.listed.iter().map(columns).sum()
     }
 }
 
-struct Weigh<'a, K> {
+struct BoundWeights<'a, K> {
     kernel: &'a K,
     bounds: &'a mut [f32],
     factors: Option<&'a [f32]>,
     squared: bool,
 }
 
-impl<K: WeightKernel> WithSimd for Weigh<'_, K> {
+impl<K: WeightKernel> WithSimd for BoundWeights<'_, K> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Weigh { kernel, bounds, factors, squared } = self;
+        let BoundWeights { kernel, bounds, factors, squared } = self;
         kernel.fill(bounds);
         match factors {
-            None => bounds.iter_mut().for_each(|w| *w *= SLACK),
+            None => bounds.iter_mut().for_each(|w| *w *= ROUNDING_FACTOR),
             Some(factors) if squared => {
-                bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= (*w * v) * SLACK);
+                bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= (*w * v) * ROUNDING_FACTOR);
             }
-            Some(factors) => bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= v * SLACK),
+            Some(factors) => bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= v * ROUNDING_FACTOR),
         }
     }
 }

@@ -6,11 +6,11 @@ use crate::math::{self, Vec3};
 
 /// Cosine of the most oblique incidence that is still seen, 80°: beyond it triangulating
 /// sensors get too little light back, and a sample's footprint is six times as long as wide.
-const LEAST_COSINE: f64 = 0.173_648_177_666_930_33;
+const MIN_INCIDENCE_COSINE: f64 = 0.173_648_177_666_930_33;
 /// Tangent of the widest angle from the line of sight, 75°: wider, a plane holds no picture.
-const WIDEST: f64 = 3.732_050_807_568_877;
+const MAX_VIEW_TANGENT: f64 = 3.732_050_807_568_877;
 /// Pixels a side of the smallest and of the largest picture.
-const SIDES: (f64, f64) = (256.0, 4096.0);
+const IMAGE_SIZE_RANGE: (f64, f64) = (256.0, 4096.0);
 
 impl Mesh {
     /// Which faces a range sensor at `viewpoint` sees, one entry a face: those that turn
@@ -26,9 +26,9 @@ impl Mesh {
     /// is more than 75° beside the line to the centroid; [`Error::Shape`] when a face names a
     /// vertex that is not there; [`Error::NonFinite`] for such a vertex;
     /// [`Error::TooFewPoints`] when the faces have no area.
-    pub fn seen_from(&self, viewpoint: Vec3) -> Result<Vec<bool>> {
+    pub fn visible_faces(&self, viewpoint: Vec3) -> Result<Vec<bool>> {
         self.validate()?;
-        let (picture, corners) = Picture::towards(self, viewpoint)?;
+        let (picture, corners) = PerspectiveView::facing_centroid(self, viewpoint)?;
         let nearest = picture.depth_buffer(&self.faces, &corners);
         let seen = |face: &[u32; 3]| {
             let corners = face.map(|v| self.vertices[v as usize]);
@@ -38,7 +38,7 @@ impl Mesh {
                 (math::cross(math::sub(b, a), math::sub(c, a)), math::sub(viewpoint, middle));
             let lengths = (math::dot(normal, normal) * math::dot(to, to)).sqrt();
             let cosine = math::dot(normal, to) / lengths;
-            if cosine.is_nan() || cosine < LEAST_COSINE {
+            if cosine.is_nan() || cosine < MIN_INCIDENCE_COSINE {
                 return false;
             }
             let [x, y, depth] = picture.project(middle);
@@ -66,7 +66,7 @@ impl Mesh {
     ///
     /// # Errors
     /// [`Error::Shape`] for other than one mark a face.
-    pub fn only(&self, faces: &[bool]) -> Result<Mesh> {
+    pub fn select_faces(&self, faces: &[bool]) -> Result<Mesh> {
         self.check_marks(faces)?;
         let marked = self.faces.iter().zip(faces).filter(|&(_, &marked)| marked);
         let faces = marked.map(|(face, _)| *face).collect();
@@ -83,7 +83,7 @@ impl Mesh {
 }
 
 /// A perspective picture of a mesh.
-struct Picture {
+struct PerspectiveView {
     viewpoint: Vec3,
     /// Right, up and ahead.
     axes: [Vec3; 3],
@@ -95,9 +95,9 @@ struct Picture {
     height: usize,
 }
 
-impl Picture {
+impl PerspectiveView {
     /// The picture that holds all of `mesh`, and its vertices in it.
-    fn towards(mesh: &Mesh, viewpoint: Vec3) -> Result<(Self, Vec<Vec3>)> {
+    fn facing_centroid(mesh: &Mesh, viewpoint: Vec3) -> Result<(Self, Vec<Vec3>)> {
         let refused = |rule: &str| {
             let value = format!("{viewpoint:?}");
             Err(Error::config("viewpoint", value, rule))
@@ -111,7 +111,7 @@ impl Picture {
         let mut axis = [0.0; 3];
         axis[least.unwrap_or(0)] = 1.0;
         let right = math::normalized(math::cross(axis, ahead));
-        let mut picture = Picture {
+        let mut picture = PerspectiveView {
             viewpoint,
             axes: [right, math::cross(ahead, right), ahead],
             low: [0.0; 2],
@@ -124,7 +124,7 @@ impl Picture {
         for &vertex in mesh.faces.as_flattened() {
             let [x, y, depth] = corners[vertex as usize];
             // Also what is no number: from the centroid itself there is no line of sight.
-            if !(depth > 0.0 && x * x + y * y <= WIDEST * WIDEST) {
+            if !(depth > 0.0 && x * x + y * y <= MAX_VIEW_TANGENT * MAX_VIEW_TANGENT) {
                 return refused("must have all of the mesh within 75° of the line to its centroid");
             }
             for (axis, at) in [x, y].into_iter().enumerate() {
@@ -132,7 +132,7 @@ impl Picture {
             }
         }
         let sides = [high[0] - low[0], high[1] - low[1]];
-        let side = (2.0 * (mesh.faces.len() as f64).sqrt()).clamp(SIDES.0, SIDES.1);
+        let side = (2.0 * (mesh.faces.len() as f64).sqrt()).clamp(IMAGE_SIZE_RANGE.0, IMAGE_SIZE_RANGE.1);
         picture.low = low;
         picture.per_unit = side / sides[0].max(sides[1]).max(f64::MIN_POSITIVE);
         for [x, y, _] in &mut corners {
@@ -252,14 +252,14 @@ mod tests {
     }
 
     fn seen_share(mesh: &Mesh, viewpoint: Vec3) -> f64 {
-        let seen = mesh.seen_from(viewpoint).unwrap();
+        let seen = mesh.visible_faces(viewpoint).unwrap();
         mesh.area_of(&seen).unwrap() / mesh.area_of(&vec![true; seen.len()]).unwrap()
     }
 
     #[test]
     fn of_a_ball_the_cap_is_seen_that_geometry_says() {
         // Incidence i is at the polar angle i − asin(sin i / distance); at 80° it ends.
-        let limit = LEAST_COSINE.acos();
+        let limit = MIN_INCIDENCE_COSINE.acos();
         for (distance, places) in
             [(1.3, [0.3, -0.5, 0.81]), (4.0, [1.0, 0.0, 0.0]), (500.0, [0.0, 0.2, -1.0])]
         {
@@ -290,13 +290,13 @@ mod tests {
         let faces = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
         let cube = Mesh { vertices, faces };
         let seen = |viewpoint| {
-            let seen = cube.seen_from(viewpoint).unwrap();
+            let seen = cube.visible_faces(viewpoint).unwrap();
             (0..6).filter(|&side| seen[2 * side] && seen[2 * side + 1]).collect::<Vec<_>>()
         };
         assert_eq!(seen([0.5, 0.5, 9.0]), [1]);
         assert_eq!(seen([-3.0, 0.5, 4.0]), [1, 4]);
         assert_eq!(seen([4.0, -4.0, -4.0]), [0, 2, 5]);
-        assert_eq!(cube.area_of(&cube.seen_from([4.0, 4.0, 4.0]).unwrap()).unwrap(), 3.0);
+        assert_eq!(cube.area_of(&cube.visible_faces([4.0, 4.0, 4.0]).unwrap()).unwrap(), 3.0);
     }
 
     #[test]
@@ -309,7 +309,7 @@ mod tests {
             }
             let plane = square(1.0, 0.0, 100);
             let scene = joined(plane.clone(), near);
-            let seen = scene.seen_from([0.0, 0.0, 4.0]).unwrap();
+            let seen = scene.visible_faces([0.0, 0.0, 4.0]).unwrap();
             let hidden: Vec<bool> = seen[..plane.faces.len()].iter().map(|seen| !seen).collect();
             let area = plane.area_of(&hidden).unwrap();
             // Half a row of cells, 0.01, along the shadow's rim of length 4.
@@ -324,7 +324,7 @@ mod tests {
         let plane = square(0.01, 0.0, 10);
         let from = |degrees: f64| {
             let (sin, cos) = degrees.to_radians().sin_cos();
-            plane.seen_from([5.0 * sin, 0.0, 5.0 * cos]).unwrap().into_iter().all(|seen| seen)
+            plane.visible_faces([5.0 * sin, 0.0, 5.0 * cos]).unwrap().into_iter().all(|seen| seen)
         };
         assert!(from(79.0) && !from(81.0) && !from(170.0));
     }
@@ -332,30 +332,30 @@ mod tests {
     #[test]
     fn a_part_is_a_mesh_with_its_area() {
         let ball = ball(1.0);
-        let seen = ball.seen_from([3.0, 0.0, 0.0]).unwrap();
-        let part = ball.only(&seen).unwrap();
+        let seen = ball.visible_faces([3.0, 0.0, 0.0]).unwrap();
+        let part = ball.select_faces(&seen).unwrap();
         let whole = vec![true; part.faces.len()];
         assert_eq!(part.area_of(&whole).unwrap(), ball.area_of(&seen).unwrap());
-        assert_eq!(seen, ball.seen_from([3.0, 0.0, 0.0]).unwrap());
+        assert_eq!(seen, ball.visible_faces([3.0, 0.0, 0.0]).unwrap());
     }
 
     #[test]
     fn what_cannot_be_seen_is_refused() {
         let ball = ball(1.0);
         for near in [[0.0; 3], [1.01, 0.0, 0.0], [f64::NAN, 0.0, 0.0]] {
-            let refused = ball.seen_from(near);
+            let refused = ball.visible_faces(near);
             assert!(matches!(refused, Err(Error::Config { field: "viewpoint", .. })), "{near:?}");
         }
         let far = [9.0, 0.0, 0.0];
         let mut lost = ball.clone();
         lost.faces[7][1] = 1_000_000;
-        assert!(matches!(lost.seen_from(far), Err(Error::Shape { .. })));
+        assert!(matches!(lost.visible_faces(far), Err(Error::Shape { .. })));
         let mut broken = ball.clone();
         broken.vertices[9][2] = f64::INFINITY;
-        assert!(matches!(broken.seen_from(far), Err(Error::NonFinite { index: 9, .. })));
+        assert!(matches!(broken.visible_faces(far), Err(Error::NonFinite { index: 9, .. })));
         let empty = Mesh { vertices: vec![[0.0; 3]], faces: vec![] };
-        assert!(matches!(empty.seen_from(far), Err(Error::TooFewPoints { .. })));
-        assert!(matches!(ball.only(&[true]), Err(Error::Shape { .. })));
+        assert!(matches!(empty.visible_faces(far), Err(Error::TooFewPoints { .. })));
+        assert!(matches!(ball.select_faces(&[true]), Err(Error::Shape { .. })));
         assert!(matches!(ball.area_of(&[true]), Err(Error::Shape { .. })));
     }
 }

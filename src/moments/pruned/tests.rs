@@ -7,9 +7,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::super::tile::{Reducer, Scaling, weigh_block};
 use super::super::{Described, FullConnection, Moments, naive};
-use super::Pass;
-use super::compact::{Axes, BLOCK, Compact, GROUP};
-use super::gathered::{Gathered, WIDEST};
+use super::PrunedPass;
+use super::bounded_side::{PrincipalAxes, BLOCK, BoundedSide, GROUP};
+use super::gathered_tile::{GatheredTile, MAX_GROUPS_PER_TILE};
 use crate::cloud::Descriptors;
 use crate::error::Error;
 use crate::math::{self, Vec3};
@@ -24,16 +24,16 @@ const NORMALIZATIONS: [Normalization; 5] = [
     Normalization::Sinkhorn(3),
 ];
 
-struct Side {
+struct RandomSide {
     points: Vec<[f32; 3]>,
     descriptors: Descriptors,
 }
 
-impl Side {
+impl RandomSide {
     /// Descriptors of whole numbers around `clusters` centres within ±`apart`, each within
     /// ±`spread` of its own, and the negative of each beside it: the mean is 0, and all
     /// squared distances are exact in f32. One in four is the twin of another.
-    fn new(shape: Shape, n: usize, seed: u64) -> Side {
+    fn new(shape: Shape, n: usize, seed: u64) -> RandomSide {
         let Shape { dim, clusters, apart, spread, .. } = shape;
         let row = |rng: &mut ChaCha8Rng, size: i32| -> Vec<i32> {
             (0..dim).map(|_| rng.random_range(-size..=size)).collect()
@@ -57,11 +57,11 @@ impl Side {
         rows.resize(n, vec![0; dim]);
         let values = rows.concat().into_iter().map(|x| x as f32).collect();
         let points = (0..n).map(|_| [0; 3].map(|_| rng.random_range(-1.0..1.0f32))).collect();
-        Side { points, descriptors: Descriptors::new(dim, values).unwrap() }
+        RandomSide { points, descriptors: Descriptors::new(dim, values).unwrap() }
     }
 
     fn described(&self) -> Described<'_> {
-        let Side { points, descriptors } = self;
+        let RandomSide { points, descriptors } = self;
         Described { points, origin: [500.0, -20.0, 3.0], descriptors }
     }
 }
@@ -77,9 +77,9 @@ struct Shape {
 }
 
 impl Shape {
-    fn sides(self) -> [Side; 2] {
+    fn sides(self) -> [RandomSide; 2] {
         let [n, m] = self.sizes;
-        [Side::new(self, n, self.seed), Side::new(self, m, !self.seed)]
+        [RandomSide::new(self, n, self.seed), RandomSide::new(self, m, !self.seed)]
     }
 }
 
@@ -113,13 +113,13 @@ fn tolerance() -> impl Strategy<Value = f64> {
 /// What f32 adds: exponentials and sums, as in the dense pass.
 const ROUNDING: f64 = 5e-6;
 
-fn connect([source, target]: &[Side; 2]) -> FullConnection {
+fn connect([source, target]: &[RandomSide; 2]) -> FullConnection {
     FullConnection::new(source.described(), target.described()).unwrap()
 }
 
 /// Largest difference of a moment in the promise's unit Σw max|f|.
 fn differ_by(exact: &Moments, found: &Moments) -> f64 {
-    let found = naive::about(found, exact.source_origin, exact.target_origin);
+    let found = naive::shift_origins(found, exact.source_origin, exact.target_origin);
     // Points and their mean are within the same cube of side 2.
     let (longest, w) = (12f64.sqrt(), exact.weight);
     let vector = |a: Vec3, b: Vec3| math::norm(math::sub(a, b)) / (longest * w);
@@ -144,13 +144,13 @@ proptest! {
     #[test]
     fn moments_keep_the_promise(shape in shape(), beta in beta(), tolerance in tolerance()) {
         let sides = shape.sides();
-        let [source, target] = [&sides[0], &sides[1]].map(Side::described);
+        let [source, target] = [&sides[0], &sides[1]].map(RandomSide::described);
         let connection = connect(&sides);
         for scheme in WeightScheme::ALL.into_iter().chain([WeightScheme::StudentT(50.0)]) {
             for normalization in NORMALIZATIONS {
                 let what = format!("{scheme} {normalization}");
                 let (found, weighed) =
-                    connection.skipping(scheme, beta, normalization, tolerance).unwrap();
+                    connection.pruned_moments_with_count(scheme, beta, normalization, tolerance).unwrap();
                 let passes = match normalization {
                     Normalization::None => 1,
                     Normalization::Source | Normalization::Target => 2,
@@ -189,11 +189,11 @@ proptest! {
         shape in shape(), beta in beta(), share in tolerance(), factors in any::<bool>(),
     ) {
         let connection = connect(&shape.sides());
-        let axes = Axes::of(&connection.source.rows, &connection.target.rows);
-        let rows = Compact::new(&connection.source, &axes);
-        let columns = Compact::new(&connection.target, &axes);
+        let axes = PrincipalAxes::compute(&connection.source.rows, &connection.target.rows);
+        let rows = BoundedSide::new(&connection.source, &axes);
+        let columns = BoundedSide::new(&connection.target, &axes);
         let kernel = Gaussian { beta: beta as f32 };
-        let pass = Pass { rows: &rows, columns: &columns, kernel: &kernel };
+        let pass = PrunedPass { rows: &rows, columns: &columns, kernel: &kernel };
         let v: Vec<f32> = (0..shape.sizes[1]).map(|j| 1.0 / (1 + j % 7) as f32).collect();
         let scaling = if factors { Scaling::Target(&v) } else { Scaling::None };
         let (sums, _) = pass.sums(scaling, share);
@@ -226,19 +226,19 @@ proptest! {
                 row.iter().map(|x| offset + factor * x.sin() + x / 3.0).collect()
             };
             let values: Vec<f32> = rows.flat_map(bent).collect();
-            Side { descriptors: Descriptors::new(shape.dim, values).unwrap(), ..side }
+            RandomSide { descriptors: Descriptors::new(shape.dim, values).unwrap(), ..side }
         });
         let connection = connect(&sides);
-        let axes = Axes::of(&connection.source.rows, &connection.target.rows);
-        let rows = Compact::new(&connection.source, &axes);
-        let columns = Compact::new(&connection.target, &axes);
+        let axes = PrincipalAxes::compute(&connection.source.rows, &connection.target.rows);
+        let rows = BoundedSide::new(&connection.source, &axes);
+        let columns = BoundedSide::new(&connection.target, &axes);
         let every: Vec<u32> = (0..shape.sizes[1].div_ceil(GROUP) as u32).collect();
-        let (mut gathered, mut bounds, mut tile) = (Gathered::default(), Vec::new(), Vec::new());
+        let (mut gathered, mut bounds, mut tile) = (GatheredTile::default(), Vec::new(), Vec::new());
         for block in 0..shape.sizes[0].div_ceil(BLOCK) {
-            columns.distances_from(&rows, block, &mut bounds);
+            columns.distance_bounds(&rows, block, &mut bounds);
             let mut above = Above { bounds: &bounds, first: 0, all: true };
-            for groups in every.chunks(WIDEST) {
-                gathered.take(&columns, groups, Scaling::None);
+            for groups in every.chunks(MAX_GROUPS_PER_TILE) {
+                gathered.gather_descriptors(&columns, groups, Scaling::None);
                 let range = block * BLOCK..((block + 1) * BLOCK).min(shape.sizes[0]);
                 let distance = |d2: f32| d2;
                 let panels = &gathered.panels;
@@ -257,7 +257,7 @@ proptest! {
         let bits = |threads| {
             let all = NORMALIZATIONS.map(|normalization| {
                 par::with_threads(threads, || {
-                    connection.skipping(WeightScheme::Gaussian, beta, normalization, tolerance)
+                    connection.pruned_moments_with_count(WeightScheme::Gaussian, beta, normalization, tolerance)
                 })
             });
             format!("{all:?}")
@@ -291,7 +291,7 @@ fn what_lies_apart_is_left_out() {
     for (normalization, passes) in NORMALIZATIONS.into_iter().zip([1, 2, 2, 3, 7]) {
         for tolerance in [1e-9, 1e-3] {
             let (_, weighed) = connection
-                .skipping(WeightScheme::Gaussian, 30.5, normalization, tolerance)
+                .pruned_moments_with_count(WeightScheme::Gaussian, 30.5, normalization, tolerance)
                 .unwrap();
             let share = weighed as f64 / (passes * connection.pairs()) as f64;
             // A pair in eight is of one cluster; blocks may lie in two.
@@ -306,7 +306,7 @@ fn more_is_left_out_for_more_tolerance() {
     let connection = connect(&shape.sides());
     let weighed = [1e-9, 1e-6, 1e-3, 1e-1].map(|tolerance| {
         let scheme = WeightScheme::Gaussian;
-        connection.skipping(scheme, 500.5, Normalization::None, tolerance).unwrap().1
+        connection.pruned_moments_with_count(scheme, 500.5, Normalization::None, tolerance).unwrap().1
     });
     assert!(weighed.is_sorted_by(|a, b| a > b) && weighed[0] < connection.pairs(), "{weighed:?}");
 }
@@ -317,7 +317,7 @@ fn nothing_is_left_out_for_no_tolerance_or_of_few_connections() {
     let connection = connect(&shape.sides());
     for normalization in NORMALIZATIONS {
         let moments = |tolerance| {
-            connection.scheme_moments_within(WeightScheme::Gaussian, 30.5, normalization, tolerance)
+            connection.pruned_moments(WeightScheme::Gaussian, 30.5, normalization, tolerance)
         };
         let dense = connection.scheme_moments(WeightScheme::Gaussian, 30.5, normalization).unwrap();
         for tolerance in [0.0, 0.5] {

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// What is known of where the sensors stood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Viewpoints {
+pub enum ViewpointSource {
     /// What the files say.
     #[default]
     File,
@@ -21,9 +21,9 @@ pub enum Viewpoints {
     None,
 }
 
-impl Viewpoints {
+impl ViewpointSource {
     /// All of them.
-    pub const ALL: [Viewpoints; 3] = [Viewpoints::File, Viewpoints::Origin, Viewpoints::None];
+    pub const ALL: [ViewpointSource; 3] = [ViewpointSource::File, ViewpointSource::Origin, ViewpointSource::None];
 
     /// The cloud with what is known.
     ///
@@ -31,33 +31,33 @@ impl Viewpoints {
     /// None for a cloud that is one: the zero is a place, and its points are finite.
     pub fn apply(self, cloud: PointCloud) -> Result<PointCloud> {
         match self {
-            Viewpoints::File => Ok(cloud),
-            Viewpoints::Origin if cloud.viewpoint().is_some() => Ok(cloud),
-            Viewpoints::Origin => cloud.with_viewpoint([0.0; 3]),
-            Viewpoints::None => PointCloud::from_parts(Parts { viewpoint: None, ..cloud.parts() }),
+            ViewpointSource::File => Ok(cloud),
+            ViewpointSource::Origin if cloud.viewpoint().is_some() => Ok(cloud),
+            ViewpointSource::Origin => cloud.with_viewpoint([0.0; 3]),
+            ViewpointSource::None => PointCloud::from_parts(Parts { viewpoint: None, ..cloud.parts() }),
         }
     }
 
     fn name(self) -> &'static str {
         match self {
-            Viewpoints::File => "file",
-            Viewpoints::Origin => "origin",
-            Viewpoints::None => "none",
+            ViewpointSource::File => "file",
+            ViewpointSource::Origin => "origin",
+            ViewpointSource::None => "none",
         }
     }
 }
 
-impl fmt::Display for Viewpoints {
+impl fmt::Display for ViewpointSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Viewpoints {
+impl FromStr for ViewpointSource {
     type Err = Error;
     fn from_str(text: &str) -> Result<Self> {
-        Viewpoints::ALL.into_iter().find(|known| known.name() == text).ok_or_else(|| {
-            let names = Viewpoints::ALL.map(Viewpoints::name).join(", ");
+        ViewpointSource::ALL.into_iter().find(|known| known.name() == text).ok_or_else(|| {
+            let names = ViewpointSource::ALL.map(ViewpointSource::name).join(", ");
             Error::config("viewpoints", text, format!("must be one of {names}"))
         })
     }
@@ -75,12 +75,12 @@ mod tests {
         let seen = cloud.clone().with_viewpoint([4.0, 5.0, 6.0]).unwrap();
         let at_zero = cloud.clone().with_viewpoint([0.0; 3]).unwrap();
         for (known, before, after) in [
-            (Viewpoints::File, &cloud, &cloud),
-            (Viewpoints::File, &seen, &seen),
-            (Viewpoints::Origin, &cloud, &at_zero),
-            (Viewpoints::Origin, &seen, &seen),
-            (Viewpoints::None, &cloud, &cloud),
-            (Viewpoints::None, &seen, &cloud),
+            (ViewpointSource::File, &cloud, &cloud),
+            (ViewpointSource::File, &seen, &seen),
+            (ViewpointSource::Origin, &cloud, &at_zero),
+            (ViewpointSource::Origin, &seen, &seen),
+            (ViewpointSource::None, &cloud, &cloud),
+            (ViewpointSource::None, &seen, &cloud),
         ] {
             assert_eq!(known.apply(before.clone()).unwrap(), *after, "{known}");
         }
@@ -88,11 +88,11 @@ mod tests {
 
     #[test]
     fn names_come_back() {
-        for known in Viewpoints::ALL {
-            assert_eq!(known.to_string().parse::<Viewpoints>().unwrap(), known);
+        for known in ViewpointSource::ALL {
+            assert_eq!(known.to_string().parse::<ViewpointSource>().unwrap(), known);
             // As the settings in the first line of kept rows have them.
             assert_eq!(serde_json::to_value(known).unwrap(), known.to_string());
         }
-        assert!("sensor".parse::<Viewpoints>().unwrap_err().to_string().contains("origin"));
+        assert!("sensor".parse::<ViewpointSource>().unwrap_err().to_string().contains("origin"));
     }
 }

@@ -2,18 +2,18 @@
 
 use ply_rs_bw::ply::ElementDef;
 
-use super::elements::{Body, Face};
-use crate::io::fault::Fault;
+use super::elements::{PlyBody, Face};
+use crate::io::content_error::ContentError;
 
 /// The triangles of all faces: one of more than three corners is a fan about its first, one
 /// of fewer is none.
-pub(super) fn faces(
-    body: &mut Body<'_>,
+pub(super) fn read_faces(
+    body: &mut PlyBody<'_>,
     element: &ElementDef,
     vertices: usize,
-) -> Result<Vec<[u32; 3]>, Fault> {
+) -> Result<Vec<[u32; 3]>, ContentError> {
     let mut triangles = Vec::new();
-    each(body, element, vertices, |corners| {
+    for_each_face(body, element, vertices, |corners| {
         if let [first, rest @ ..] = corners {
             triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
         }
@@ -24,25 +24,25 @@ pub(super) fn faces(
 /// The triangles of a range grid, row by row, each place empty or one vertex: two where all
 /// four corners of a cell were seen, one where three were. MeshLab reads the Stanford scans
 /// so.
-pub(super) fn range_grid(
-    body: &mut Body<'_>,
+pub(super) fn read_range_grid(
+    body: &mut PlyBody<'_>,
     element: &ElementDef,
     vertices: usize,
     infos: &[String],
-) -> Result<Vec<[u32; 3]>, Fault> {
+) -> Result<Vec<[u32; 3]>, ContentError> {
     let size = |name: &str| {
         let value =
             infos.iter().find_map(|info| info.trim().strip_prefix(name)?.trim().parse().ok());
-        value.ok_or_else(|| Fault::new(format!("has a range grid but no obj_info {name} NUMBER")))
+        value.ok_or_else(|| ContentError::new(format!("has a range grid but no obj_info {name} NUMBER")))
     };
     let (columns, rows): (usize, usize) = (size("num_cols")?, size("num_rows")?);
     if columns.checked_mul(rows) != Some(element.count) {
         let count = element.count;
         let what = format!("has {count} places in a range grid of {columns} columns, {rows} rows");
-        return Err(Fault::new(what));
+        return Err(ContentError::new(what));
     }
     let mut places = Vec::new();
-    each(body, element, vertices, |corners| places.push(corners.first().copied()))?;
+    for_each_face(body, element, vertices, |corners| places.push(corners.first().copied()))?;
     let mut triangles = Vec::new();
     for cell in
         (0..places.len()).filter(|at| (at + 1) % columns != 0 && at + columns < places.len())
@@ -60,14 +60,14 @@ pub(super) fn range_grid(
 }
 
 /// Calls `use_corners` with the vertices that each element names.
-fn each(
-    body: &mut Body<'_>,
+fn for_each_face(
+    body: &mut PlyBody<'_>,
     element: &ElementDef,
     vertices: usize,
     mut use_corners: impl FnMut(&[u32]),
-) -> Result<(), Fault> {
+) -> Result<(), ContentError> {
     let name = &element.name;
-    let no_list = || Fault::new(format!("element {name} has no list vertex_indices"));
+    let no_list = || ContentError::new(format!("element {name} has no list vertex_indices"));
     if element.properties.is_empty() {
         return Err(no_list());
     }
@@ -77,10 +77,10 @@ fn each(
         let corner = |value: f64| {
             let known = value >= 0.0 && value < most && value.fract() == 0.0;
             let what = || format!("{name} {index} names vertex {value} of {vertices}");
-            known.then_some(value as u32).ok_or_else(|| Fault::new(what()))
+            known.then_some(value as u32).ok_or_else(|| ContentError::new(what()))
         };
         let corners = face.corners.ok_or_else(no_list)?.into_iter().map(corner);
-        use_corners(&corners.collect::<Result<Vec<u32>, Fault>>()?);
+        use_corners(&corners.collect::<Result<Vec<u32>, ContentError>>()?);
     }
     Ok(())
 }

@@ -5,47 +5,47 @@ use std::path::Path;
 use crate::error::Error;
 
 /// The longest header, or line of names, that is read, bytes.
-pub(super) const LONGEST_HEADER: usize = 1 << 20;
+pub(super) const MAX_HEADER_BYTES: usize = 1 << 20;
 
 /// The most memory that a file of `size` bytes may take when it says itself how much its content
 /// becomes: ten times as much, and 64 MiB, in which depth images have room that are nearly empty.
-pub(super) fn most_memory(size: usize) -> usize {
+pub(super) fn max_memory(size: usize) -> usize {
     size.saturating_mul(10).saturating_add(64 << 20)
 }
 
 /// What is wrong with a file's content, and where; the path is added at the door.
 #[derive(Debug)]
-pub(super) struct Fault {
+pub(super) struct ContentError {
     line: Option<usize>,
     byte: Option<u64>,
     what: String,
 }
 
-impl Fault {
+impl ContentError {
     /// A fault of the file as a whole.
     pub fn new(what: impl Into<String>) -> Self {
-        Fault { line: None, byte: None, what: what.into() }
+        ContentError { line: None, byte: None, what: what.into() }
     }
 
     /// A fault in `line`, from 1.
     pub fn line(line: usize, what: impl Into<String>) -> Self {
-        Fault { line: Some(line), ..Fault::new(what) }
+        ContentError { line: Some(line), ..ContentError::new(what) }
     }
 
     /// A fault at `byte`, from 0.
     pub fn byte(byte: usize, what: impl Into<String>) -> Self {
-        Fault { byte: Some(byte as u64), ..Fault::new(what) }
+        ContentError { byte: Some(byte as u64), ..ContentError::new(what) }
     }
 
     /// The fault as an error about the file `path`.
-    pub fn within(self, path: &Path) -> Error {
-        let Fault { line, byte, what } = self;
+    pub fn into_error(self, path: &Path) -> Error {
+        let ContentError { line, byte, what } = self;
         Error::Parse { path: path.to_path_buf(), line, byte, what }
     }
 }
 
 /// The start of `text`, quoted and escaped for a message.
-pub(crate) fn shown(text: &str) -> String {
+pub(crate) fn quote_start(text: &str) -> String {
     const LONGEST: usize = 40;
     match text.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{:?}...", &text[..end]),
@@ -54,7 +54,7 @@ pub(crate) fn shown(text: &str) -> String {
 }
 
 /// The beginning of a message of another crate, which may repeat all that is in a file.
-pub(super) fn beginning(said: &str) -> String {
+pub(super) fn truncate_message(said: &str) -> String {
     const LONGEST: usize = 200;
     match said.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{}...", &said[..end]),

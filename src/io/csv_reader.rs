@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use csv_core::ReadRecordResult;
 
-use super::guard::{Budget, Guarded, RECORD, mebibytes, too_large};
+use super::limited_file::{MemoryBudget, LimitedFile, MAX_RECORD_BYTES, mebibytes, too_large};
 use crate::error::{Error, Result};
 
 /// Most columns of a table. Chosen by hand, far above what programs write.
 const COLUMNS: usize = 1 << 20;
 
 /// A table whose rows come one after the other; lines that begin with `#` are comments.
-pub(crate) struct Sheet {
+pub(crate) struct CsvReader {
     path: PathBuf,
-    reader: BufReader<Guarded>,
+    reader: BufReader<LimitedFile>,
     parser: csv_core::Reader,
     /// Names of the columns, and which columns they are; the first of a name counts.
     columns: HashMap<String, usize>,
@@ -27,17 +27,17 @@ pub(crate) struct Sheet {
     /// Number of its cells.
     cells: usize,
     line: usize,
-    budget: Budget,
+    budget: MemoryBudget,
 }
 
-impl Sheet {
+impl CsvReader {
     /// Opens a table and reads the names of its columns.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for a header that is not text.
-    pub(crate) fn open(path: &Path) -> Result<Sheet> {
-        let file = Guarded::open(path)?;
-        let mut sheet = Sheet {
+    pub(crate) fn open(path: &Path) -> Result<CsvReader> {
+        let file = LimitedFile::open(path)?;
+        let mut sheet = CsvReader {
             path: path.to_path_buf(),
             budget: file.budget(),
             reader: BufReader::with_capacity(1 << 16, file),
@@ -69,7 +69,7 @@ impl Sheet {
         }
         let (found, width) = (self.cells, self.width);
         if found != width {
-            return Err(self.wrong(format!("{found} values where the header has {width}")));
+            return Err(self.parse_error(format!("{found} values where the header has {width}")));
         }
         Ok(true)
     }
@@ -101,7 +101,7 @@ impl Sheet {
     }
 
     /// An error in the current row.
-    pub(crate) fn wrong(&self, what: impl Into<String>) -> Error {
+    pub(crate) fn parse_error(&self, what: impl Into<String>) -> Error {
         Error::parse(&self.path, Some(self.line), what)
     }
 
@@ -109,8 +109,8 @@ impl Sheet {
     ///
     /// # Errors
     /// [`Error::Parse`] where the table takes more than its size allows.
-    pub(crate) fn take(&mut self, bytes: usize) -> Result<()> {
-        self.budget.take(bytes).map_err(|what| Error::parse(&self.path, None, what))
+    pub(crate) fn reserve_memory(&mut self, bytes: usize) -> Result<()> {
+        self.budget.reserve(bytes).map_err(|what| Error::parse(&self.path, None, what))
     }
 
     /// Reads the next record, of whatever width.
@@ -130,11 +130,11 @@ impl Sheet {
             cells += ended;
             match result {
                 ReadRecordResult::InputEmpty => {}
-                ReadRecordResult::OutputFull if length < RECORD => {
-                    self.text.resize((2 * length).min(RECORD), 0);
+                ReadRecordResult::OutputFull if length < MAX_RECORD_BYTES => {
+                    self.text.resize((2 * length).min(MAX_RECORD_BYTES), 0);
                 }
                 ReadRecordResult::OutputFull => {
-                    let most = mebibytes(RECORD as u64);
+                    let most = mebibytes(MAX_RECORD_BYTES as u64);
                     let what = format!("the row from line {} on has more than {most}", self.line);
                     return Err(failed(too_large(what)));
                 }
@@ -152,7 +152,7 @@ impl Sheet {
         let text = &self.text[..length];
         let within = |&end: &usize| text.get(end).is_some_and(|byte| byte & 0xc0 == 0x80);
         if std::str::from_utf8(text).is_err() || self.ends[..cells].iter().any(within) {
-            return Err(self.wrong("is not UTF-8 text"));
+            return Err(self.parse_error("is not UTF-8 text"));
         }
         Ok(matches!(result, ReadRecordResult::Record))
     }
@@ -162,11 +162,11 @@ impl Sheet {
 mod tests {
     use super::*;
 
-    fn open(text: &[u8]) -> (tempfile::TempDir, Result<Sheet>) {
+    fn open(text: &[u8]) -> (tempfile::TempDir, Result<CsvReader>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         std::fs::write(&path, text).unwrap();
-        let sheet = Sheet::open(&path);
+        let sheet = CsvReader::open(&path);
         (folder, sheet)
     }
 
@@ -197,7 +197,7 @@ mod tests {
         for text in [&b"a,\xff\n"[..], b"\xc3,\xa9\n"] {
             assert!(open(text).1.err().unwrap().to_string().contains("not UTF-8"));
         }
-        let long = vec![b'x'; RECORD + 1];
+        let long = vec![b'x'; MAX_RECORD_BYTES + 1];
         assert!(open(&long).1.err().unwrap().to_string().contains("more than 16 MiB"));
         let wide = vec![b','; COLUMNS];
         assert!(open(&wide).1.err().unwrap().to_string().contains("columns"));

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 
-use super::directions;
+use super::fibonacci_directions;
 use crate::cloud::PointCloud;
 use crate::math::cholesky;
 use crate::math::{self, Vec3};
@@ -17,30 +17,30 @@ use crate::math::{self, Vec3};
 /// as a scanner's.
 const SHELLS: [f64; 4] = [1e-3, 2e-3, 4e-3, 8e-3];
 /// Depth of what is nearly empty before it: surfaces end gradually.
-const VOID: f64 = 0.05;
+const GAP_DEPTH: f64 = 0.05;
 /// Most points in there, as a share of those in the shell, unless these lie as many times denser.
-const STRAYS: f64 = 0.05;
-const DENSER: f64 = 100.0;
+const MAX_GAP_SHARE: f64 = 0.05;
+const MIN_CONTRAST: f64 = 100.0;
 /// Points that may lie beyond the limit, as a share of all: stray returns.
-const BEYOND: f64 = 1e-4;
+const MAX_BEYOND_SHARE: f64 = 1e-4;
 /// Of the farthest points, those that may lie outside a sphere.
-const OUTSIDE: usize = 2;
+const MAX_OUTSIDE: usize = 2;
 /// Least and most of the points that are in the shell: fewer change nothing, more are a surface.
-const SHARE: [f64; 2] = [0.002, 0.6];
+const SHELL_SHARE_RANGE: [f64; 2] = [0.002, 0.6];
 /// Fewest points of a shell.
-const FEWEST: f64 = 20.0;
+const MIN_SHELL_POINTS: f64 = 20.0;
 /// Points among which a sphere is sought.
 const SAMPLE: usize = 4000;
 /// Directions in which the farthest of them are taken.
 const DIRECTIONS: usize = 192;
 /// Fewest of the farthest that a sphere goes through.
-const THROUGH: usize = 8;
+const MIN_ON_SPHERE: usize = 8;
 /// Spheres that are tried.
-const TRIES: usize = 400;
+const SPHERE_TRIALS: usize = 400;
 
 /// The largest distance that a sensor tells, where many points lie at it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RangeLimit {
+pub struct MaxRangeReturns {
     /// The sensor's place, in the cloud's frame.
     pub viewpoint: Vec3,
     /// The largest distance of a point from it, but for strays.
@@ -51,13 +51,13 @@ pub struct RangeLimit {
     pub points: usize,
 }
 
-impl RangeLimit {
+impl MaxRangeReturns {
     /// The limit of a sensor at `viewpoint`: none where the farthest points are no more than
     /// the end of a surface, or a surface themselves, or all are far from it.
-    pub fn about(cloud: &PointCloud, viewpoint: Vec3) -> Option<RangeLimit> {
+    pub fn detect_at(cloud: &PointCloud, viewpoint: Vec3) -> Option<MaxRangeReturns> {
         let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
         let mut distances: Vec<f64> = cloud.positions().map(distance).collect();
-        let strays = (BEYOND * distances.len() as f64).ceil() as usize;
+        let strays = (MAX_BEYOND_SHARE * distances.len() as f64).ceil() as usize;
         let mut farthest = |beyond: usize| {
             let at = distances.len().checked_sub(1 + beyond)?;
             Some(*distances.select_nth_unstable_by(at, f64::total_cmp).1)
@@ -68,19 +68,19 @@ impl RangeLimit {
         let shells = ranges
             .into_iter()
             .filter(inside)
-            .flat_map(|range| SHELLS.map(|depth| Shell { range, depth }));
+            .flat_map(|range| SHELLS.map(|depth| RangeShell { range, depth }));
         let limits = shells.filter_map(|shell| Some((shell, shell.contrast(&distances)?)));
         // A thinner one may be but a part of them; of those that are equally good the first.
         let best = limits.reduce(|best, next| if next.1 > best.1 { next } else { best });
         let (shell, _) = best?;
-        let Shell { range, depth } = shell;
-        let points = distances.iter().filter(|&&d| d >= shell.least()).count();
-        Some(RangeLimit { viewpoint, range, depth, points })
+        let RangeShell { range, depth } = shell;
+        let points = distances.iter().filter(|&&d| d >= shell.min_range()).count();
+        Some(MaxRangeReturns { viewpoint, range, depth, points })
     }
 
     /// The limit of a sensor of which nothing is known: the farthest points of the cloud lie on
     /// a sphere.
-    pub fn find(cloud: &PointCloud) -> Option<RangeLimit> {
+    pub fn detect(cloud: &PointCloud) -> Option<MaxRangeReturns> {
         let center = cloud.centroid();
         let stride = cloud.len().div_ceil(SAMPLE).max(1);
         let sample = (0..cloud.len()).step_by(stride);
@@ -89,18 +89,18 @@ impl RangeLimit {
             let ahead = |&i: &usize| math::dot(along, sample[i]);
             (0..sample.len()).max_by(|a, b| ahead(a).total_cmp(&ahead(b)))
         };
-        let mut extremes: Vec<usize> = directions(DIRECTIONS).filter_map(farthest).collect();
+        let mut extremes: Vec<usize> = fibonacci_directions(DIRECTIONS).filter_map(farthest).collect();
         extremes.sort_unstable();
         extremes.dedup();
         let extremes: Vec<Vec3> = extremes.into_iter().map(|i| sample[i]).collect();
         SHELLS.iter().find_map(|&depth| {
-            let sphere = Sphere::around(&extremes, depth)?;
-            RangeLimit::about(cloud, math::add(sphere.center, center))
+            let sphere = Sphere::fit_robust(&extremes, depth)?;
+            MaxRangeReturns::detect_at(cloud, math::add(sphere.center, center))
         })
     }
 
     /// The points of `cloud` that are nearer.
-    pub fn within(&self, cloud: &PointCloud) -> PointCloud {
+    pub fn remove_from(&self, cloud: &PointCloud) -> PointCloud {
         let nearer = |i: &usize| {
             let distance = math::norm(math::sub(cloud.position(*i), self.viewpoint));
             distance < (1.0 - self.depth) * self.range
@@ -111,29 +111,29 @@ impl RangeLimit {
 
 /// Distances from `range` down to a share `depth` of it less.
 #[derive(Clone, Copy)]
-struct Shell {
+struct RangeShell {
     range: f64,
     depth: f64,
 }
 
-impl Shell {
-    fn least(self) -> f64 {
+impl RangeShell {
+    fn min_range(self) -> f64 {
         (1.0 - self.depth) * self.range
     }
 
     /// How many times denser `distances` are in it than right before, if so many are in it and so
     /// few before that it is no surface.
     fn contrast(self, distances: &[f64]) -> Option<f64> {
-        let void = (1.0 - VOID) * self.range;
+        let void = (1.0 - GAP_DEPTH) * self.range;
         let [mut points, mut before] = [0.0; 2];
         for &d in distances {
-            points += f64::from(u8::from(d >= self.least()));
-            before += f64::from(u8::from(d >= void && d < self.least()));
+            points += f64::from(u8::from(d >= self.min_range()));
+            before += f64::from(u8::from(d >= void && d < self.min_range()));
         }
         let n = distances.len() as f64;
-        let many = points >= FEWEST && points >= SHARE[0] * n && points <= SHARE[1] * n;
-        let contrast = points * (VOID - self.depth) / (before * self.depth);
-        (many && (before < STRAYS * points || contrast > DENSER)).then_some(contrast)
+        let many = points >= MIN_SHELL_POINTS && points >= SHELL_SHARE_RANGE[0] * n && points <= SHELL_SHARE_RANGE[1] * n;
+        let contrast = points * (GAP_DEPTH - self.depth) / (before * self.depth);
+        (many && (before < MAX_GAP_SHARE * points || contrast > MIN_CONTRAST)).then_some(contrast)
     }
 }
 
@@ -147,32 +147,32 @@ impl Sphere {
     /// The sphere that holds `points`, but for strays, and has most of them on it, at least [`THROUGH`], to
     /// within a share `depth` of its radius: through four at random, then through all that are
     /// near.
-    fn around(points: &[Vec3], depth: f64) -> Option<Sphere> {
-        if points.len() < THROUGH {
+    fn fit_robust(points: &[Vec3], depth: f64) -> Option<Sphere> {
+        if points.len() < MIN_ON_SPHERE {
             return None;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let tries = (0..TRIES).filter_map(|_| {
+        let tries = (0..SPHERE_TRIALS).filter_map(|_| {
             let four = index::sample(&mut rng, points.len(), 4);
-            let mut sphere = Sphere::through(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
+            let mut sphere = Sphere::fit_least_squares(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
             for reach in [4.0, 2.0, 1.0] {
-                let near = points.iter().filter(|p| sphere.off(**p).abs() < reach * depth);
-                sphere = Sphere::through(&near.copied().collect::<Vec<_>>())?;
+                let near = points.iter().filter(|p| sphere.relative_distance(**p).abs() < reach * depth);
+                sphere = Sphere::fit_least_squares(&near.copied().collect::<Vec<_>>())?;
             }
-            let on = points.iter().filter(|p| sphere.off(**p).abs() < depth).count();
-            let outside = points.iter().filter(|p| sphere.off(**p) >= depth).count();
-            (outside <= OUTSIDE && on >= THROUGH).then_some((on, sphere))
+            let on = points.iter().filter(|p| sphere.relative_distance(**p).abs() < depth).count();
+            let outside = points.iter().filter(|p| sphere.relative_distance(**p) >= depth).count();
+            (outside <= MAX_OUTSIDE && on >= MIN_ON_SPHERE).then_some((on, sphere))
         });
         tries.max_by_key(|(on, _)| *on).map(|(_, sphere)| sphere)
     }
 
     /// How far outside `point` is, in radii; negative inside.
-    fn off(&self, point: Vec3) -> f64 {
+    fn relative_distance(&self, point: Vec3) -> f64 {
         math::norm(math::sub(point, self.center)) / self.radius - 1.0
     }
 
     /// The sphere of least squares, |p|² = 2 c·p + s (Coope 1993); none of points in a plane.
-    fn through(points: &[Vec3]) -> Option<Sphere> {
+    fn fit_least_squares(points: &[Vec3]) -> Option<Sphere> {
         let unit = points.iter().map(|&p| math::norm(p)).fold(0.0, f64::max);
         let (mut normal, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
         for &p in points {
@@ -228,13 +228,13 @@ mod tests {
             let yard = yard(share, noise);
             let cloud: Vec<Vec3> = yard.iter().map(|&p| pose.apply(p)).collect();
             let cloud = PointCloud::new(&cloud).unwrap();
-            let found = RangeLimit::find(&cloud).unwrap();
+            let found = MaxRangeReturns::detect(&cloud).unwrap();
             let off = math::norm(math::sub(found.viewpoint, pose.apply(SENSOR)));
             // A gate is a small part of the sphere: noise tells on its middle.
             assert!(off < 10.0 * noise && (found.range - 50.0).abs() < 0.05 + noise, "{found:?}");
             let shell = (6000.0 * share) as usize;
-            assert_eq!(RangeLimit::about(&cloud, pose.apply(SENSOR)).unwrap().points, shell);
-            assert_eq!((found.points, found.within(&cloud).len()), (shell, 6000 - shell));
+            assert_eq!(MaxRangeReturns::detect_at(&cloud, pose.apply(SENSOR)).unwrap().points, shell);
+            assert_eq!((found.points, found.remove_from(&cloud).len()), (shell, 6000 - shell));
         }
     }
 
@@ -246,11 +246,11 @@ mod tests {
         for stray in [None, Some([90.0, 20.0, 30.0])] {
             let cloud: Vec<Vec3> = seen.iter().copied().chain(stray).collect();
             let cloud = PointCloud::new(&cloud).unwrap();
-            let found = RangeLimit::find(&cloud).unwrap();
+            let found = MaxRangeReturns::detect(&cloud).unwrap();
             assert!((found.range - 50.0).abs() < 0.1 && found.points >= 600, "{found:?}");
-            let about = RangeLimit::about(&cloud, SENSOR).unwrap();
+            let about = MaxRangeReturns::detect_at(&cloud, SENSOR).unwrap();
             assert!((600..620).contains(&about.points), "{about:?}");
-            assert!(about.within(&cloud).positions().all(|p| math::norm(p) < 60.0));
+            assert!(about.remove_from(&cloud).positions().all(|p| math::norm(p) < 60.0));
         }
     }
 
@@ -259,8 +259,8 @@ mod tests {
         // A yard without a gate; a few returns alone; the greater part of all.
         for share in [0.0, 0.001, 0.8] {
             let cloud = PointCloud::new(&yard(share, 0.02)).unwrap();
-            assert_eq!(RangeLimit::find(&cloud), None, "{share}");
-            assert_eq!(RangeLimit::about(&cloud, SENSOR), None, "{share}");
+            assert_eq!(MaxRangeReturns::detect(&cloud), None, "{share}");
+            assert_eq!(MaxRangeReturns::detect_at(&cloud, SENSOR), None, "{share}");
         }
         // A wall at the far end of a room, from a place that is far outside.
         let room = (0..6000).map(|i| {
@@ -268,15 +268,15 @@ mod tests {
             if i < 4500 { [x, y, 0.0] } else { [4.0, y, 0.1 * f64::from(i % 25)] }
         });
         let room = PointCloud::new(&room.collect::<Vec<_>>()).unwrap();
-        assert_eq!(RangeLimit::about(&room, [-3000.0, 2.5, 1.0]), None);
+        assert_eq!(MaxRangeReturns::detect_at(&room, [-3000.0, 2.5, 1.0]), None);
         // A ball, a disc about the viewpoint, three points, none.
-        let ball: Vec<Vec3> = directions(2000).collect();
+        let ball: Vec<Vec3> = fibonacci_directions(2000).collect();
         let disc = (0..2500).map(|i| [f64::from(i % 50) - 24.5, f64::from(i / 50) - 24.5, 0.0]);
         let disc: Vec<Vec3> = disc.filter(|&p| math::norm(p) < 24.0).collect();
         for points in [&ball[..], &disc, &ball[..3], &[]] {
             let cloud = PointCloud::new(points).unwrap();
-            assert_eq!(RangeLimit::find(&cloud), None);
-            assert_eq!(RangeLimit::about(&cloud, [0.0; 3]), None);
+            assert_eq!(MaxRangeReturns::detect(&cloud), None);
+            assert_eq!(MaxRangeReturns::detect_at(&cloud, [0.0; 3]), None);
         }
     }
 }

@@ -10,12 +10,12 @@ use crate::error::{Error, Result};
 
 thread_local! {
     /// Whether this thread is of a crew.
-    static MEMBER: Cell<bool> = const { Cell::new(false) };
+    static IS_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Whether the caller is one of a [`crew`], whose work stays on its thread.
-pub fn in_crew() -> bool {
-    MEMBER.get()
+pub fn in_worker() -> bool {
+    IS_WORKER.get()
 }
 
 /// Calls `work` with each of `items`, in order, on `threads` threads beside the caller's (0: as
@@ -44,7 +44,7 @@ pub fn in_crew() -> bool {
 /// assert_eq!(squares, [0, 1, 4, 9, 16]);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub fn crew<I: Send, T: Send>(
+pub fn worker_pool<I: Send, T: Send>(
     threads: usize,
     items: impl Iterator<Item = I> + Send,
     work: impl Fn(I) -> T + Sync,
@@ -61,7 +61,7 @@ pub fn crew<I: Send, T: Send>(
     // A few results may wait, so that nobody stands still while one is written.
     let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
     let worker = |give: mpsc::SyncSender<Result<T, String>>| {
-        MEMBER.set(true);
+        IS_WORKER.set(true);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
         let pool = match pool {
             Ok(pool) => pool,
@@ -113,15 +113,15 @@ mod tests {
         let id = || std::thread::current().id();
         let alone = |_| {
             let ids = with_threads(2, || map(100, || (), |_, _| id())).unwrap();
-            in_crew() && ids.iter().all(|&other| other == id())
+            in_worker() && ids.iter().all(|&other| other == id())
         };
         let mut seen = 0;
         let take = |one: Option<bool>| {
             seen += usize::from(one.inspect(|alone| assert!(alone)).is_some());
             ControlFlow::Continue(())
         };
-        crew(3, 0..20, alone, Duration::from_secs(1), take).unwrap();
-        assert_eq!((seen, in_crew()), (20, false));
+        worker_pool(3, 0..20, alone, Duration::from_secs(1), take).unwrap();
+        assert_eq!((seen, in_worker()), (20, false));
     }
 
     #[test]
@@ -131,9 +131,9 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
             begun.fetch_add(1, Ordering::Relaxed)
         };
-        crew(2, 0..1_000_000, work, Duration::from_secs(1), |_| ControlFlow::Break(())).unwrap();
+        worker_pool(2, 0..1_000_000, work, Duration::from_secs(1), |_| ControlFlow::Break(())).unwrap();
         assert!(begun.load(Ordering::Relaxed) < 100);
-        let endless = || crew(2000, 0..1, |_| (), Duration::ZERO, |_| ControlFlow::Continue(()));
+        let endless = || worker_pool(2000, 0..1, |_| (), Duration::ZERO, |_| ControlFlow::Continue(()));
         assert!(endless().is_err());
     }
 }

@@ -23,7 +23,7 @@ pub enum StopReason {
 
 /// One iteration: weights made at a pose, solved for the next.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Step {
+pub struct IterationRecord {
     /// From 1.
     pub iteration: u32,
     /// The pose after this step.

@@ -2,8 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::bin::{self, LANES, Lanes, Oriented};
-use super::fpfh::{BINS, BLOCK, FULL};
+use super::bin::{self, LANES, OrientedPointLanes, OrientedPoint};
+use super::fpfh::{BINS, BLOCK, BLOCK_SUM};
 use crate::search::Neighbors;
 
 /// Histograms that are counted side by side: pairs in turn fall into the same bin, and would
@@ -12,14 +12,14 @@ const COUNTS: usize = 4;
 
 /// Makes SPFH of one point after the other; keeps its scratch.
 #[derive(Default)]
-pub(super) struct Simple {
+pub(super) struct SpfhBuilder {
     others: Vec<u32>,
-    lanes: Vec<Lanes>,
+    lanes: Vec<OrientedPointLanes>,
     /// Bins of θ, α and φ of every pair.
     bins: Vec<[[u32; LANES]; 3]>,
 }
 
-impl Simple {
+impl SpfhBuilder {
     /// Writes the histograms of the pairs (i, neighbour), each of which sums to [`FULL`], into
     /// the first [`BINS`] values of `row`; 0 without a neighbour.
     pub(super) fn histograms(
@@ -31,7 +31,7 @@ impl Simple {
         row: &mut [f32],
     ) {
         self.others.clear();
-        self.others.extend_from_slice(neighbors.of(i));
+        self.others.extend_from_slice(neighbors.indices(i));
         if let Some(own) = self.others.iter().position(|&j| j as usize == i) {
             self.others.swap_remove(own);
         }
@@ -43,9 +43,9 @@ impl Simple {
         // All before the first is looked at: what is written value by value is not read as a vector
         // at once.
         let others = self.others.as_chunks().0;
-        self.lanes.resize(others.len(), Lanes::default());
+        self.lanes.resize(others.len(), OrientedPointLanes::default());
         self.lanes.iter_mut().zip(others).for_each(|(lanes, of)| lanes.fill(points, normals, of));
-        let point = Oriented { place: points[i], normal: normals[i] };
+        let point = OrientedPoint { place: points[i], normal: normals[i] };
         pulp::Arch::new().dispatch(Bin { point, pairs: self });
         // Of 16 bins each, of which four whole bits name one: no index is out of bounds.
         let mut counts = [[[0u32; 16]; 3]; COUNTS];
@@ -57,7 +57,7 @@ impl Simple {
                 }
             }
         }
-        let increment = FULL / pairs.max(1) as f64;
+        let increment = BLOCK_SUM / pairs.max(1) as f64;
         for (at, value) in row[..BINS].iter_mut().enumerate() {
             let count: u32 = counts.iter().map(|counts| counts[at / BLOCK][at % BLOCK]).sum();
             *value = (f64::from(count) * increment) as f32;
@@ -66,8 +66,8 @@ impl Simple {
 }
 
 struct Bin<'a> {
-    point: Oriented,
-    pairs: &'a mut Simple,
+    point: OrientedPoint,
+    pairs: &'a mut SpfhBuilder,
 }
 
 impl WithSimd for Bin<'_> {
@@ -75,7 +75,7 @@ impl WithSimd for Bin<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Bin { point, pairs: Simple { lanes, bins, .. } } = self;
+        let Bin { point, pairs: SpfhBuilder { lanes, bins, .. } } = self;
         bins.resize(lanes.len(), [[0; LANES]; 3]);
         for (bins, lanes) in bins.iter_mut().zip(lanes) {
             // A copy, of which the compiler sees that it does not overlap.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::clean::CleanCloud;
 use super::registration::Timings;
-use super::{Cached, Consensus, Icp, Method, Register, Registration, start};
+use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -33,7 +33,7 @@ use crate::quality::Warning;
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Chain {
+pub struct Pipeline {
     first: Method,
     refinements: Vec<Method>,
     initial: Option<Transform>,
@@ -42,17 +42,17 @@ pub struct Chain {
 }
 
 /// Most refinements: each carries the answers before it.
-const MOST_REFINEMENTS: usize = 32;
+const MAX_REFINEMENTS: usize = 32;
 
-impl Chain {
+impl Pipeline {
     /// `first`, then each of `refinements`.
     ///
     /// # Errors
     /// [`Error::Config`] for a refinement that cannot start from a pose, and for more than 32.
     pub fn new(first: Method, refinements: Vec<Method>) -> Result<Self> {
         let count = refinements.len();
-        if count > MOST_REFINEMENTS {
-            let rule = format!("refinements: at most {MOST_REFINEMENTS} may follow each other");
+        if count > MAX_REFINEMENTS {
+            let rule = format!("refinements: at most {MAX_REFINEMENTS} may follow each other");
             return Err(Error::config("refine", count, rule));
         }
         match refinements.iter().find(|method| method.as_refinement().is_none()) {
@@ -63,7 +63,7 @@ impl Chain {
             }
             None => {
                 let (initial, verdict) = (None, None);
-                Ok(Chain { first, refinements, initial, verdict, keep_no_returns: false })
+                Ok(Pipeline { first, refinements, initial, verdict, keep_no_returns: false })
             }
         }
     }
@@ -77,7 +77,7 @@ impl Chain {
     /// [`Error::Config`] for a first method that starts from no pose.
     pub fn with_initial(self, initial: Transform) -> Result<Self> {
         match self.first.as_refinement() {
-            Some(_) => Ok(Chain { initial: Some(initial), ..self }),
+            Some(_) => Ok(Pipeline { initial: Some(initial), ..self }),
             None => {
                 let rule = "starts from no pose: leave it out";
                 Err(Error::config("initial", self.first.name(), rule))
@@ -87,21 +87,21 @@ impl Chain {
 
     /// Poses of methods that have no verdict of their own are verified by a search with these
     /// settings ([`Consensus::judge`]). Where the clouds are too small for one, that is a doubt.
-    pub fn with_verdict(self, judge: Consensus) -> Self {
-        Chain { verdict: Some(judge), ..self }
+    pub fn with_verification(self, judge: Consensus) -> Self {
+        Pipeline { verdict: Some(judge), ..self }
     }
 
     /// Keeps rows that mark missing returns.
-    pub fn keeping_no_returns(mut self) -> Self {
+    pub fn keep_no_returns(mut self) -> Self {
         if let Method::Consensus(consensus) = &mut self.first {
             consensus.keep_no_returns = true;
         }
-        Chain { keep_no_returns: true, ..self }
+        Pipeline { keep_no_returns: true, ..self }
     }
 
     /// Whether [`Method::outweighs_verdict`] holds for the first method or a refinement.
-    pub fn outweighs_verdict(&self) -> bool {
-        self.first.outweighs_verdict() || self.refinements.iter().any(Method::outweighs_verdict)
+    pub fn is_slower_than_verdict(&self) -> bool {
+        self.first.is_slower_than_verdict() || self.refinements.iter().any(Method::is_slower_than_verdict)
     }
 
     /// The first method.
@@ -112,17 +112,17 @@ impl Chain {
 
 /// The refinement, its pairs bounded where nothing else was said and the clouds that `found`
 /// registers overlap in part, as after consensus: pairs of any length would draw them together.
-fn bounded(method: &Method, found: &Registration) -> Method {
+fn limit_distance(method: &Method, found: &Registration) -> Method {
     match (method, &found.config) {
         (Method::Icp(icp), Method::Consensus(consensus)) if icp.max_distance.is_none() => {
-            let max_distance = consensus.voxel.map(|length| start::MAX_PAIR * length);
+            let max_distance = consensus.voxel.map(|length| bounded_icp::MAX_REFINE_DISTANCE * length);
             Method::Icp(Icp { max_distance, ..icp.clone() })
         }
         _ => method.clone(),
     }
 }
 
-impl Register for Chain {
+impl Register for Pipeline {
     /// A refinement that finds nothing to hold on to leaves the pose before it as the
     /// answer, with [`Doubt::NotRefined`].
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
@@ -131,44 +131,44 @@ impl Register for Chain {
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         if let Method::Consensus(consensus) = &self.first {
-            return self.first.advised(self.by_search(consensus, source, target));
+            return self.first.with_advice(self.register_by_consensus(consensus, source, target));
         }
         let clean = |end| CleanCloud::new(end, self.keep_no_returns);
-        let clean = par::both([source, target], clean)?;
+        let clean = par::join_pair([source, target], clean)?;
         let [source, target] = clean.each_ref().map(CleanCloud::cached);
-        let begun = self.first.advised(match (&self.initial, self.first.as_refinement()) {
+        let begun = self.first.with_advice(match (&self.initial, self.first.as_refinement()) {
             (Some(initial), Some(refinement)) => match &self.first {
                 Method::Icp(icp) if icp.max_distance.is_none() => {
-                    start::refine_bounded(icp, source, target, initial)
+                    bounded_icp::refine_with_distance_limit(icp, source, target, initial)
                 }
                 _ => refinement.refine_cached(source, target, initial),
             },
             _ => self.first.register_cached(source, target),
         })?;
-        let found = self.refined(begun, source, target)?;
-        self.verified(found, source, target)
+        let found = self.run_refinements(begun, source, target)?;
+        self.verify(found, source, target)
     }
 }
 
-impl Chain {
+impl Pipeline {
     /// The refinements alone, from an answer that was found otherwise, and the verdict; see
     /// [`register`](Register::register). The clouds are taken as they are.
     ///
     /// # Errors
     /// Those of [`Refine::refine`](super::Refine::refine).
-    pub fn go_on(
+    pub fn refine_from(
         &self,
         begun: Registration,
         source: &PointCloud,
         target: &PointCloud,
     ) -> Result<Registration> {
         let (source, target) = (source.into(), target.into());
-        let found = self.refined(begun, source, target)?;
-        self.verified(found, source, target)
+        let found = self.run_refinements(begun, source, target)?;
+        self.verify(found, source, target)
     }
 
     /// By a search whose clouds serve the refinements, and which verifies their pose.
-    fn by_search(
+    fn register_by_consensus(
         &self,
         consensus: &Consensus,
         source: Cached<'_>,
@@ -179,17 +179,17 @@ impl Chain {
             let search = consensus.search(source, target, &mut times)?;
             let begun = search.to_registration(times)?;
             let [source, target] = search.clouds();
-            let mut found = self.refined(begun, source, target)?;
+            let mut found = self.run_refinements(begun, source, target)?;
             if found.verdict.is_some() {
                 return Ok(found);
             }
             let pose = found.transform;
             let verdict = found.time_s.time("verdict", || search.verify(&pose));
-            Ok(found.verified_by(verdict, consensus))
+            Ok(found.with_verdict_from(verdict, consensus))
         })?
     }
 
-    fn refined(
+    fn run_refinements(
         &self,
         begun: Registration,
         source: Cached<'_>,
@@ -197,7 +197,7 @@ impl Chain {
     ) -> Result<Registration> {
         let mut found = begun;
         for method in &self.refinements {
-            let method = bounded(method, &found);
+            let method = limit_distance(method, &found);
             let Some(refinement) = method.as_refinement() else { continue };
             match refinement.refine_cached(source, target, &found.transform) {
                 Ok(mut refined) => {
@@ -220,7 +220,7 @@ impl Chain {
 
     /// With a verdict on the pose that is returned, where one was asked for, or where the pose
     /// had one before it was refined.
-    fn verified(
+    fn verify(
         &self,
         mut found: Registration,
         source: Cached<'_>,
@@ -229,13 +229,13 @@ impl Chain {
         if found.verdict.is_some() {
             return Ok(found);
         }
-        let Some(judge) = self.verdict.clone().or_else(|| judge_before(&found)) else {
+        let Some(judge) = self.verdict.clone().or_else(|| previous_verifier(&found)) else {
             return Ok(found);
         };
         let pose = found.transform;
         let judged = found.time_s.time("verdict", || judge.verify_cached(source, target, &pose));
         match judged {
-            Ok(verdict) => Ok(found.verified_by(verdict, &judge)),
+            Ok(verdict) => Ok(found.with_verdict_from(verdict, &judge)),
             Err(Error::TooFewPoints { .. } | Error::Degenerate { .. } | Error::NoWeight { .. }) => {
                 found.doubts.push(Warning::NotVerified);
                 found.trusted = false;
@@ -247,11 +247,11 @@ impl Chain {
 }
 
 /// The settings by which a pose was verified before `found` refined it.
-fn judge_before(found: &Registration) -> Option<Consensus> {
+fn previous_verifier(found: &Registration) -> Option<Consensus> {
     let before = found.refined_from.as_deref()?;
     match (&before.verdict, &before.config) {
         (Some(_), Method::Consensus(consensus)) => Some(consensus.clone()),
         (Some(_), _) => Some(Consensus::default()),
-        (None, _) => judge_before(before),
+        (None, _) => previous_verifier(before),
     }
 }

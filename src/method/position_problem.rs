@@ -6,54 +6,54 @@
 
 use std::sync::Arc;
 
-use super::cache::{Cached, Keep};
+use super::cache::{Cached, HeapSize};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::moments::{Described, FullConnection};
+use crate::moments::{FeatureView, FullConnection};
 use crate::par;
 use crate::search::{Neighbor, SearchTree};
 
 /// The two clouds of an iterative method, the target prepared once.
-pub(super) struct Positions<'a> {
+pub(super) struct PositionProblem<'a> {
     source: &'a PointCloud,
     target: &'a PointCloud,
-    onto: Arc<Onto>,
+    target_index: Arc<TargetIndex>,
     /// Weights of the points in shares of their mean, where the clouds have any.
     weights: [Option<Vec<f32>>; 2],
 }
 
 /// What is made of the target alone.
-struct Onto {
+struct TargetIndex {
     /// Its points in units, the embedding of the dense connections.
     embedded: Descriptors,
     tree: SearchTree,
-    unit: f64,
+    rms_radius: f64,
 }
 
 /// Its key.
 #[derive(PartialEq)]
-struct AsTarget;
+struct TargetIndexKey;
 
-impl Keep for Onto {
+impl HeapSize for TargetIndex {
     fn bytes(&self) -> usize {
         // The tree has the points once more, and their numbers.
         self.embedded.len() * (3 * 4 + 4 * 4)
     }
 }
 
-impl<'a> Positions<'a> {
+impl<'a> PositionProblem<'a> {
     /// # Errors
     /// Those of [`unit`] and [`SearchTree::new`].
     pub(super) fn new(source: Cached<'a>, target: Cached<'a>) -> Result<Self> {
-        let unit = unit(source.cloud, target.cloud)?;
-        let onto = target.get(AsTarget, || {
+        let unit = rms_radius(source.cloud, target.cloud)?;
+        let onto = target.get(TargetIndexKey, || {
             let points = target.cloud.points();
-            Ok(Onto { embedded: embed(points, unit)?, tree: SearchTree::new(points)?, unit })
+            Ok(TargetIndex { embedded: embed_positions(points, unit)?, tree: SearchTree::new(points)?, rms_radius: unit })
         })?;
         let (source, target) = (source.cloud, target.cloud);
         let weights = [source, target].map(PointCloud::relative_weights);
-        Ok(Positions { source, target, onto, weights })
+        Ok(PositionProblem { source, target, target_index: onto, weights })
     }
 
     /// The target as it was handed in.
@@ -63,15 +63,15 @@ impl<'a> Positions<'a> {
 
     /// Root mean square distance of the target points to their centroid: the length that
     /// bandwidths of [`connection`](Self::connection) are measured in.
-    pub(super) fn unit(&self) -> f64 {
-        self.onto.unit
+    pub(super) fn rms_radius(&self) -> f64 {
+        self.target_index.rms_radius
     }
 
     /// The source's points under `pose`, relative to the target's origin.
     ///
     /// # Errors
     /// [`Error::Extent`] when they leave the range of f32 distances.
-    pub(super) fn moved(&self, pose: &Transform) -> Result<Vec<[f32; 3]>> {
+    pub(super) fn transform_source(&self, pose: &Transform) -> Result<Vec<[f32; 3]>> {
         let origin = self.target.origin();
         let move_one = |p: Vec3| math::sub(pose.apply(p), origin).map(|x| x as f32);
         let moved: Vec<[f32; 3]> = self.source.positions().map(move_one).collect();
@@ -105,23 +105,23 @@ impl<'a> Positions<'a> {
     ///
     /// # Errors
     /// Those of [`moved`](Self::moved).
-    pub(super) fn connection(&self, pose: &Transform) -> Result<FullConnection> {
-        let moved = embed(&self.moved(pose)?, self.unit())?;
-        let side = |cloud: &'a PointCloud, descriptors| Described {
+    pub(super) fn full_connection(&self, pose: &Transform) -> Result<FullConnection> {
+        let moved = embed_positions(&self.transform_source(pose)?, self.rms_radius())?;
+        let side = |cloud: &'a PointCloud, descriptors| FeatureView {
             points: cloud.points(),
             origin: cloud.origin(),
             descriptors,
         };
         let connection =
-            FullConnection::new(side(self.source, &moved), side(self.target, &self.onto.embedded))?;
+            FullConnection::new(side(self.source, &moved), side(self.target, &self.target_index.embedded))?;
         let [a, b] = &self.weights;
         connection.with_point_weights(a.as_deref(), b.as_deref())
     }
 
     /// The nearest target point of every moved source point; distances in the target's
     /// unit.
-    pub(super) fn nearest(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
-        par::map(moved.len(), || (), |_, i| self.onto.tree.nearest(&moved[i]))
+    pub(super) fn nearest_targets(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
+        par::map(moved.len(), || (), |_, i| self.target_index.tree.nearest(&moved[i]))
     }
 }
 
@@ -131,7 +131,7 @@ impl<'a> Positions<'a> {
 /// # Errors
 /// [`Error::TooFewPoints`] for fewer than three points in either cloud,
 /// [`Error::Degenerate`] when all target points are in one place.
-pub(super) fn unit(source: &PointCloud, target: &PointCloud) -> Result<f64> {
+pub(super) fn rms_radius(source: &PointCloud, target: &PointCloud) -> Result<f64> {
     for (cloud, what) in [(source, "the source"), (target, "the target")] {
         if cloud.len() < 3 {
             let found = cloud.len();
@@ -147,7 +147,7 @@ pub(super) fn unit(source: &PointCloud, target: &PointCloud) -> Result<f64> {
     Ok(unit)
 }
 
-fn embed(points: &[[f32; 3]], unit: f64) -> Result<Descriptors> {
+fn embed_positions(points: &[[f32; 3]], unit: f64) -> Result<Descriptors> {
     let value = |&x: &f32| (f64::from(x) / unit) as f32;
     Descriptors::new(3, points.as_flattened().iter().map(value).collect())
 }

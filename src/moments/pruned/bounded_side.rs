@@ -5,8 +5,8 @@ use std::ops::Range;
 use pulp::{Simd, WithSimd};
 
 use super::super::reduce::Targets;
-use super::super::tile::Rows;
-use super::Side;
+use super::super::tile::DescriptorRows;
+use super::ConnectionSide;
 use crate::par;
 
 /// Rows a block, that share a box and the list of what is weighed against them.
@@ -26,11 +26,11 @@ const CHUNK: usize = 1024;
 
 /// Up to [`AXES`] orthonormal axes, most of the variance first: of each dimension its
 /// component on every axis, 0 where there are fewer.
-pub(super) struct Axes(Vec<[f64; AXES]>);
+pub(super) struct PrincipalAxes(Vec<[f64; AXES]>);
 
 /// A side in kd-order: every [`BLOCK`] rows, and every [`GROUP`], are near one another.
-pub(super) struct Compact {
-    pub(super) rows: Rows,
+pub(super) struct BoundedSide {
+    pub(super) rows: DescriptorRows,
     pub(super) points: Vec<[f32; 3]>,
     /// The same positions, as they are streamed.
     pub(super) streamed: Targets,
@@ -39,21 +39,21 @@ pub(super) struct Compact {
     /// The rows on each axis, one axis after the other.
     projected: Vec<f32>,
     /// Of every block.
-    boxes: Vec<Extent>,
+    boxes: Vec<BlockBounds>,
 }
 
 /// What a block of rows fills: the least and the largest value on each axis, and the
 /// largest squared norm.
-struct Extent {
+struct BlockBounds {
     low: [f32; AXES],
     high: [f32; AXES],
     norm: f32,
 }
 
-impl Axes {
+impl PrincipalAxes {
     /// Of the rows of both sides, by orthogonal iteration (Golub & Van Loan, 8.2.4) from the
     /// dimensions of most variance.
-    pub(super) fn of(a: &Rows, b: &Rows) -> Axes {
+    pub(super) fn compute(a: &DescriptorRows, b: &DescriptorRows) -> PrincipalAxes {
         let stride = (a.len() + b.len()).div_ceil(SAMPLE);
         let all = (0..a.len()).map(|i| a.row(i)).chain((0..b.len()).map(|i| b.row(i)));
         let sample: Vec<&[f32]> = all.step_by(stride).collect();
@@ -62,10 +62,10 @@ impl Axes {
         let mut widest: Vec<(usize, f64)> = (0..dim).map(|d| (d, variance(d))).collect();
         widest.sort_by(|a, b| b.1.total_cmp(&a.1));
         let start = widest.iter().take(AXES).enumerate();
-        let mut axes = Axes(vec![[0.0; AXES]; dim]);
+        let mut axes = PrincipalAxes(vec![[0.0; AXES]; dim]);
         start.for_each(|(k, &(d, _))| axes.0[d][k] = 1.0);
         for _ in 0..ROUNDS {
-            axes = axes.scattered(&sample).orthonormal();
+            axes = axes.apply_scatter(&sample).orthonormalize();
         }
         axes
     }
@@ -81,7 +81,7 @@ impl Axes {
     }
 
     /// Σ x (xᵀ A) over the sample: the scatter matrix times the axes.
-    fn scattered(&self, sample: &[&[f32]]) -> Axes {
+    fn apply_scatter(&self, sample: &[&[f32]]) -> PrincipalAxes {
         let mut sums = vec![[0.0; AXES]; self.0.len()];
         for row in sample {
             let lengths = self.project(row);
@@ -89,12 +89,12 @@ impl Axes {
                 sums.iter_mut().zip(&lengths).for_each(|(sum, l)| *sum += f64::from(x) * l);
             }
         }
-        Axes(sums)
+        PrincipalAxes(sums)
     }
 
     /// Gram-Schmidt, each axis twice ("twice is enough"); one that lies in the span of those
     /// before it becomes 0.
-    fn orthonormal(mut self) -> Axes {
+    fn orthonormalize(mut self) -> PrincipalAxes {
         let rows = &mut self.0;
         let product = |rows: &[[f64; AXES]], k: usize, l: usize| -> f64 {
             rows.iter().map(|parts| parts[k] * parts[l]).sum()
@@ -113,19 +113,19 @@ impl Axes {
     }
 }
 
-impl Compact {
-    pub(super) fn new(side: &Side, axes: &Axes) -> Compact {
+impl BoundedSide {
+    pub(super) fn new(side: &ConnectionSide, axes: &PrincipalAxes) -> BoundedSide {
         let (rows, n) = (&side.rows, side.rows.len());
         let arch = pulp::Arch::new();
-        let project = |_: &mut (), range| arch.dispatch(Projected { rows, range, axes });
+        let project = |_: &mut (), range| arch.dispatch(ProjectRows { rows, range, axes });
         let projected = par::map_blocks(n, CHUNK, || (), project).concat();
         let mut order: Vec<u32> = (0..n as u32).collect();
-        cut(&mut order, &projected);
+        split_kd_order(&mut order, &projected);
         let block = |order: &[u32]| {
             let mut extent =
-                Extent { low: [f32::INFINITY; AXES], high: [f32::NEG_INFINITY; AXES], norm: 0.0 };
+                BlockBounds { low: [f32::INFINITY; AXES], high: [f32::NEG_INFINITY; AXES], norm: 0.0 };
             for &i in order {
-                let Extent { low, high, norm } = &mut extent;
+                let BlockBounds { low, high, norm } = &mut extent;
                 *norm = norm.max(rows.norms()[i as usize]);
                 for ((low, high), &x) in low.iter_mut().zip(high).zip(&projected[i as usize]) {
                     (*low, *high) = (low.min(x), high.max(x));
@@ -136,7 +136,7 @@ impl Compact {
         let on = |axis: usize| order.iter().map(move |&i| (i as usize, axis));
         let points: Vec<[f32; 3]> = order.iter().map(|&i| side.points[i as usize]).collect();
         let rows = rows.select(&order);
-        Compact {
+        BoundedSide {
             boxes: order.chunks(BLOCK).map(block).collect(),
             projected: (0..AXES).flat_map(on).map(|(i, axis)| projected[i][axis]).collect(),
             streamed: Targets::new(&points),
@@ -156,20 +156,20 @@ impl Compact {
     /// a gap by 2 u (|a| + |b|) for the projections, hence Σ gap² by
     /// 4 √8 u (|a| + |b|)² ≤ 23 u s; and by 11 u · 2 s for its own 8 terms. Together below
     /// (D + 64) u s.
-    pub(super) fn distances_from(&self, other: &Compact, block: usize, bounds: &mut Vec<f32>) {
+    pub(super) fn distance_bounds(&self, other: &BoundedSide, block: usize, bounds: &mut Vec<f32>) {
         bounds.clear();
         bounds.resize(self.rows.len(), 0.0);
-        pulp::Arch::new().dispatch(Bound { of: self, from: &other.boxes[block], bounds });
+        pulp::Arch::new().dispatch(BoundDistances { side: self, from: &other.boxes[block], bounds });
     }
 }
 
-struct Projected<'a> {
-    rows: &'a Rows,
+struct ProjectRows<'a> {
+    rows: &'a DescriptorRows,
     range: Range<usize>,
-    axes: &'a Axes,
+    axes: &'a PrincipalAxes,
 }
 
-impl WithSimd for Projected<'_> {
+impl WithSimd for ProjectRows<'_> {
     type Output = Vec<[f32; AXES]>;
 
     #[inline(always)]
@@ -179,18 +179,18 @@ impl WithSimd for Projected<'_> {
     }
 }
 
-struct Bound<'a> {
-    of: &'a Compact,
-    from: &'a Extent,
+struct BoundDistances<'a> {
+    side: &'a BoundedSide,
+    from: &'a BlockBounds,
     bounds: &'a mut [f32],
 }
 
-impl WithSimd for Bound<'_> {
+impl WithSimd for BoundDistances<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Bound { of, from, bounds } = self;
+        let BoundDistances { side: of, from, bounds } = self;
         let n = bounds.len();
         let margin = (of.rows.dim() + 64) as f32 * (f32::EPSILON / 2.0);
         for (chunk, bounds) in bounds.chunks_mut(CHUNK).enumerate() {
@@ -213,7 +213,7 @@ impl WithSimd for Bound<'_> {
 /// Splits at the median of the axis of most variance until no more than a group is left;
 /// the first half holds whole blocks, or whole groups of one. Equals follow their index, and
 /// so do the rows of a group.
-fn cut(order: &mut [u32], projected: &[[f32; AXES]]) {
+fn split_kd_order(order: &mut [u32], projected: &[[f32; AXES]]) {
     if order.len() <= GROUP {
         order.sort_unstable();
         return;
@@ -232,6 +232,6 @@ fn cut(order: &mut [u32], projected: &[[f32; AXES]]) {
     let value = |&i: &u32| projected[i as usize][widest];
     order.select_nth_unstable_by(half, |i, j| value(i).total_cmp(&value(j)).then(i.cmp(j)));
     let (near, far) = order.split_at_mut(half);
-    cut(near, projected);
-    cut(far, projected);
+    split_kd_order(near, projected);
+    split_kd_order(far, projected);
 }

@@ -5,7 +5,7 @@ use crate::moments::{FullConnection, Moments};
 
 /// Points that may correspond: `source[k]` to `target[k]`, each about its own origin.
 #[derive(Debug, Clone)]
-pub(super) struct Matches {
+pub(super) struct CenteredCorrespondences {
     source_origin: Vec3,
     target_origin: Vec3,
     pub(super) source: Vec<Vec3>,
@@ -14,17 +14,17 @@ pub(super) struct Matches {
 
 /// Pairs of points that are each other's nearest by descriptor, or, without the check, every
 /// source point with its nearest target point.
-pub(in crate::method) fn similar(
+pub(in crate::method) fn match_features(
     connection: &FullConnection,
     cross_check: bool,
 ) -> Vec<(u32, u32)> {
     if cross_check {
-        return connection.mutual();
+        return connection.mutual_nearest();
     }
     connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect()
 }
 
-impl Matches {
+impl CenteredCorrespondences {
     /// Of points relative to `origins`, taken about the centroids of the matched ones.
     pub(super) fn new(
         pairs: &[(u32, u32)],
@@ -42,7 +42,7 @@ impl Matches {
             about(pairs.iter().map(|&(i, _)| place(source, i)).collect(), source_origin);
         let (target, target_origin) =
             about(pairs.iter().map(|&(_, j)| place(target, j)).collect(), target_origin);
-        Matches { source_origin, target_origin, source, target }
+        CenteredCorrespondences { source_origin, target_origin, source, target }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -50,8 +50,8 @@ impl Matches {
     }
 
     /// The matches named, in that order.
-    pub(super) fn select(&self, indices: &[usize]) -> Matches {
-        Matches {
+    pub(super) fn select(&self, indices: &[usize]) -> CenteredCorrespondences {
+        CenteredCorrespondences {
             source: indices.iter().map(|&k| self.source[k]).collect(),
             target: indices.iter().map(|&k| self.target[k]).collect(),
             ..*self
@@ -61,7 +61,7 @@ impl Matches {
     /// Translation-invariant measurements: differences (aₖₗ, bₖₗ) between each match k and
     /// the next ones in a ring, as many as `most` allows; all pairs of matches when they
     /// are no more than that.
-    pub(super) fn differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
+    pub(super) fn pairwise_differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
         let n = self.len();
         let between = |k: usize, l: usize| {
             (math::sub(self.source[l], self.source[k]), math::sub(self.target[l], self.target[k]))
@@ -80,17 +80,17 @@ impl Matches {
     }
 
     /// `most` differences at most: of matches spread evenly over the list where it has more.
-    pub(super) fn differences_of_some(&self, most: usize) -> Vec<(Vec3, Vec3)> {
+    pub(super) fn subsampled_differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
         if self.len() <= most {
-            return self.differences(most);
+            return self.pairwise_differences(most);
         }
         let spread: Vec<usize> = (0..most).map(|i| i * self.len() / most).collect();
-        self.select(&spread).differences(most)
+        self.select(&spread).pairwise_differences(most)
     }
 
     /// Whether matches `k` and `l` are as far apart in the target as in the source, times
     /// `scale`, to within `bound`.
-    pub(super) fn consistent(&self, k: usize, l: usize, scale: f64, bound: f64) -> bool {
+    pub(super) fn are_consistent(&self, k: usize, l: usize, scale: f64, bound: f64) -> bool {
         let a = math::norm(math::sub(self.source[l], self.source[k]));
         let b = math::norm(math::sub(self.target[l], self.target[k]));
         (b - scale * a).abs() <= bound

@@ -1,6 +1,6 @@
 //! The depth image of a scan: what is nearest in each direction from the viewpoint.
 
-use super::{Nearest, Pixel, median, note};
+use super::{NearestDepths, Pixel, median, record_nearest};
 use crate::math::{self, Vec3};
 
 /// How far a sensor saw in each direction.
@@ -8,7 +8,7 @@ pub struct DepthImage {
     viewpoint: Vec3,
     /// Width of a pixel, as the tangent of an angle.
     side: f64,
-    nearest: Nearest<f32>,
+    nearest: NearestDepths<f32>,
 }
 
 impl DepthImage {
@@ -31,11 +31,11 @@ impl DepthImage {
         if !(1e-8..1.0).contains(&side) {
             return None;
         }
-        let mut nearest = Nearest::default();
+        let mut nearest = NearestDepths::default();
         for ray in rays {
             let depth = math::norm(ray) as f32;
             if depth > 0.0 {
-                note(&mut nearest, Pixel::of(ray, side), depth);
+                record_nearest(&mut nearest, Pixel::from_direction(ray, side), depth);
             }
         }
         Some(DepthImage { viewpoint, side, nearest })
@@ -43,16 +43,16 @@ impl DepthImage {
 
     /// How far `place` lies in front of the nearest surface that was seen in its direction
     /// (or right beside it); negative behind. `None` where nothing was seen.
-    pub fn in_front(&self, place: Vec3) -> Option<f64> {
+    pub fn clearance(&self, place: Vec3) -> Option<f64> {
         let ray = math::sub(place, self.viewpoint);
         let distance = math::norm(ray);
         if distance <= 0.0 {
             return None;
         }
-        let pixel = Pixel::of(ray, self.side);
+        let pixel = Pixel::from_direction(ray, self.side);
         self.nearest.get(&pixel)?;
         // The least of the pixels around: a surface has gaps between its points.
-        let seen = pixel.around().filter_map(|pixel| self.nearest.get(&pixel));
+        let seen = pixel.neighborhood().filter_map(|pixel| self.nearest.get(&pixel));
         let seen = seen.copied().fold(f32::INFINITY, f32::min);
         Some(f64::from(seen) - distance)
     }
@@ -68,13 +68,13 @@ mod tests {
             (0..400).map(|i| [0.1 * f64::from(i % 20) - 1.0, 0.1 * f64::from(i / 20) - 1.0, 5.0]);
         let viewpoint = [0.0, 0.0, 1.0];
         let image = DepthImage::new(wall.collect::<Vec<_>>().into_iter(), viewpoint, 0.1).unwrap();
-        let front = image.in_front([0.02, 0.02, 3.0]).unwrap();
+        let front = image.clearance([0.02, 0.02, 3.0]).unwrap();
         assert!((front - 2.0).abs() < 0.02, "{front}");
-        assert!((image.in_front([0.02, 0.02, 8.0]).unwrap() + 3.0).abs() < 0.02);
+        assert!((image.clearance([0.02, 0.02, 8.0]).unwrap() + 3.0).abs() < 0.02);
         // Beside the wall, behind the sensor, at its place.
-        assert_eq!(image.in_front([9.0, 0.0, 5.0]), None);
-        assert_eq!(image.in_front([0.0, 0.0, -3.0]), None);
-        assert_eq!(image.in_front(viewpoint), None);
+        assert_eq!(image.clearance([9.0, 0.0, 5.0]), None);
+        assert_eq!(image.clearance([0.0, 0.0, -3.0]), None);
+        assert_eq!(image.clearance(viewpoint), None);
     }
 
     #[test]

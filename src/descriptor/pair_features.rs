@@ -7,7 +7,7 @@ use crate::math;
 /// What the angles of a pair are told by, in the Darboux frame u, v = d × u, w = u × v of the
 /// point whose normal is nearer to the connecting line d. The two points may be exchanged.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Features<T> {
+pub(super) struct PairFeatures<T> {
     /// (u·n₂, w·n₂): θ = atan2(w·n₂, u·n₂) is the angle of this vector.
     pub(super) theta: [T; 2],
     /// v·n₂ in [−1, 1].
@@ -16,20 +16,20 @@ pub(super) struct Features<T> {
     pub(super) phi: T,
     /// ‖d‖/‖d × u‖: what rounding of d × u grows by in v and w. Infinite or NaN where there is
     /// no such frame.
-    pub(super) growth: T,
+    pub(super) rounding_gain: T,
     /// How much nearer to the line one normal is than the other, as a difference of cosines;
     /// infinite where the normals are the same, so that rounding is the same, too.
-    pub(super) lead: T,
+    pub(super) cosine_gap: T,
 }
 
-impl<T: Float> Features<T> {
+impl<T: Float> PairFeatures<T> {
     /// Of the pair of points `p1` and `p2` with normals `n1` and `n2`. Without a branch, so
     /// that a loop over it becomes vector code.
     ///
     /// All zero, as PCL and Open3D have it, for points in one place, an undefined normal, or a
     /// normal along the line.
     #[inline(always)]
-    pub(super) fn of(p1: [T; 3], n1: [T; 3], p2: [T; 3], n2: [T; 3]) -> Self {
+    pub(super) fn compute(p1: [T; 3], n1: [T; 3], p2: [T; 3], n2: [T; 3]) -> Self {
         let (zero, one) = (T::zero(), T::one());
         let line = math::sub(p2, p1);
         let distance = math::norm(line);
@@ -52,12 +52,12 @@ impl<T: Float> Features<T> {
         // `length` is 0, too, where the distance is.
         let defined = |value: T| if length > zero { value } else { zero };
         let same = (n1[0] == n2[0]) & (n1[1] == n2[1]) & (n1[2] == n2[2]);
-        Features {
+        PairFeatures {
             theta: [defined(x), defined(y)],
             alpha: defined(math::dot(v, other)),
             phi: defined(phi),
-            growth: distance * inverse,
-            lead: if same { T::infinity() } else { (cosine1.abs() - cosine2.abs()).abs() },
+            rounding_gain: distance * inverse,
+            cosine_gap: if same { T::infinity() } else { (cosine1.abs() - cosine2.abs()).abs() },
         }
     }
 }
@@ -80,11 +80,11 @@ mod tests {
             n2 in proptest::array::uniform3(-1.0..1.0f64),
         ) {
             let (n1, n2) = (unit(n1), unit(n2));
-            let there = Features::of([0.0; 3], n1, x, n2);
-            let back = Features::of(x, n2, [0.0; 3], n1);
+            let there = PairFeatures::compute([0.0; 3], n1, x, n2);
+            let back = PairFeatures::compute(x, n2, [0.0; 3], n1);
             // When both normals are equally near the line, either frame may be taken.
             prop_assume!((math::dot(n1, unit(x)).abs() - math::dot(n2, unit(x)).abs()).abs() > 1e-9);
-            let flat = |f: Features<f64>| [f.theta[0], f.theta[1], f.alpha, f.phi];
+            let flat = |f: PairFeatures<f64>| [f.theta[0], f.theta[1], f.alpha, f.phi];
             for (a, b) in flat(there).into_iter().zip(flat(back)) {
                 prop_assert!((a - b).abs() < 1e-9, "{there:?} {back:?}");
             }
@@ -95,7 +95,7 @@ mod tests {
     fn undefined_pairs_are_all_zero() {
         let (o, x, z) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
         let flat = |p1, n1, p2, n2| {
-            let f = Features::of(p1, n1, p2, n2);
+            let f = PairFeatures::compute(p1, n1, p2, n2);
             [f.theta[0], f.theta[1], f.alpha, f.phi]
         };
         assert_eq!(flat(o, z, o, z), [0.0; 4]);

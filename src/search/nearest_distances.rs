@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
 
-use super::leaves::{Extent, LEAF, Leaves, squared_distance};
+use super::leaves::{BoundingBox, LEAF, Leaves, squared_distance};
 use super::tree;
 use crate::error::Result;
 use crate::par;
@@ -12,16 +12,16 @@ use crate::par;
 const LANES: usize = 16;
 
 /// Tells the distance to the nearest point of a cloud.
-pub struct Closest(Leaves);
+pub struct NearestDistances(Leaves);
 
-impl Closest {
+impl NearestDistances {
     /// To `points`.
     ///
     /// # Errors
     /// Those of [`SearchTree::new`](super::SearchTree::new).
     pub fn new(points: &[[f32; 3]]) -> Result<Self> {
         tree::check(points)?;
-        Ok(Closest(Leaves::new(points)))
+        Ok(NearestDistances(Leaves::new(points)))
     }
 
     /// The points, in an order in which those near each other follow each other.
@@ -34,29 +34,29 @@ impl Closest {
     ///
     /// Fast where places that follow each other are near each other, as [`points`](Self::points)
     /// are: what is far from all of them is left out together.
-    pub fn within(&self, places: &[[f32; 3]], limit: f32) -> Vec<f32> {
+    pub fn squared_distances(&self, places: &[[f32; 3]], limit: f32) -> Vec<f32> {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
             let places = &places[block];
-            self.0.near(&Extent::of(places.iter().copied()), limit, LEAF, listed, stack);
-            arch.dispatch(Least { leaves: &self.0, listed, places, limit })
+            self.0.leaves_within(&BoundingBox::from_points(places.iter().copied()), limit, LEAF, listed, stack);
+            arch.dispatch(DistancesToLeaves { leaves: &self.0, listed, places, limit })
         };
         par::map_blocks(places.len(), LEAF, Default::default, task).concat()
     }
 
     /// Squared distance from each of [`points`](Self::points) to the nearest other one; infinite
     /// where there is none.
-    pub(super) fn apart(&self) -> Vec<f32> {
+    pub(super) fn squared_distances_to_others(&self) -> Vec<f32> {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
             let leaf = (block.start / LEAF) as u32;
             let places: Vec<[f32; 3]> = block.map(|place| self.0.point(place)).collect();
-            let mut nearest = arch.dispatch(Among(&places));
+            let mut nearest = arch.dispatch(DistancesWithinLeaf(&places));
             // What is nearer than in the leaf itself.
             let limit = nearest.iter().fold(0.0f32, |a, &b| a.max(b));
-            self.0.near(&Extent::of(places.iter().copied()), limit, LEAF, listed, stack);
+            self.0.leaves_within(&BoundingBox::from_points(places.iter().copied()), limit, LEAF, listed, stack);
             listed.retain(|&listed| listed != leaf);
-            let outside = Least { leaves: &self.0, listed, places: &places, limit };
+            let outside = DistancesToLeaves { leaves: &self.0, listed, places: &places, limit };
             let outside = arch.dispatch(outside);
             nearest.iter_mut().zip(outside).for_each(|(near, other)| *near = near.min(other));
             nearest
@@ -66,9 +66,9 @@ impl Closest {
 }
 
 /// Of each place, to the nearest of the others.
-struct Among<'a>(&'a [[f32; 3]]);
+struct DistancesWithinLeaf<'a>(&'a [[f32; 3]]);
 
-impl WithSimd for Among<'_> {
+impl WithSimd for DistancesWithinLeaf<'_> {
     type Output = Vec<f32>;
 
     #[inline(always)]
@@ -98,19 +98,19 @@ impl WithSimd for Among<'_> {
 }
 
 /// Of each place, to the points of the leaves that are listed.
-struct Least<'a> {
+struct DistancesToLeaves<'a> {
     leaves: &'a Leaves,
     listed: &'a [u32],
     places: &'a [[f32; 3]],
     limit: f32,
 }
 
-impl WithSimd for Least<'_> {
+impl WithSimd for DistancesToLeaves<'_> {
     type Output = Vec<f32>;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
-        let Least { leaves, listed, places, limit } = self;
+        let DistancesToLeaves { leaves, listed, places, limit } = self;
         let [x, y, z] = &leaves.axes;
         let lower = |a: f32, b: f32| if b < a { b } else { a };
         let least = |&place: &[f32; 3]| {
@@ -148,14 +148,14 @@ mod tests {
             points in proptest::collection::vec(proptest::array::uniform3(0..9i32), 1..200),
         ) {
             let points: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| x as f32)).collect();
-            let closest = Closest::new(&points).unwrap();
+            let closest = NearestDistances::new(&points).unwrap();
             let places: Vec<[f32; 3]> = closest.points().collect();
             let others = |i: usize| (0..places.len()).filter(move |&j| j != i);
             let brute = |i: usize| {
                 others(i).map(|j| squared_distance(places[i], places[j])).fold(f32::INFINITY, f32::min)
             };
             let want: Vec<f32> = (0..places.len()).map(brute).collect();
-            prop_assert_eq!(closest.apart(), want);
+            prop_assert_eq!(closest.squared_distances_to_others(), want);
         }
     }
 }
