@@ -52,10 +52,12 @@ impl Format {
                 const WHAT: &str = "what a run was asked for";
                 let path = beside(path, RUN);
                 match path.exists() {
-                    true => {
-                        Ok(serde_json::from_slice(&limited_file::read_bytes(&path, limited_file::MAX_DOCUMENT_BYTES, WHAT)?)
-                            .ok())
-                    }
+                    true => Ok(serde_json::from_slice(&limited_file::read_bytes(
+                        &path,
+                        limited_file::MAX_DOCUMENT_BYTES,
+                        WHAT,
+                    )?)
+                    .ok()),
                     false => Ok(None),
                 }
             }

@@ -99,7 +99,9 @@ fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()
     let mut reader = BufReader::new(LimitedFile::open(path)?);
     let mut line = Vec::new();
     for number in 1.. {
-        if !limited_file::read_line(&mut reader, &mut line).map_err(|error| Error::io(path, error))? {
+        if !limited_file::read_line(&mut reader, &mut line)
+            .map_err(|error| Error::io(path, error))?
+        {
             break;
         }
         take(json_row(&line).map_err(|what| Error::parse(path, Some(number), what))?)?;

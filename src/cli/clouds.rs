@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{Outcome, outputs, print, print_json, reading, say};
 use crate::error::Result;
-use crate::filter::{self, NoReturns, Downsampling};
+use crate::filter::{self, Downsampling, NoReturns};
 use crate::{io, search};
 
 #[derive(Args)]

@@ -70,8 +70,13 @@ impl Evaluate {
         let files = [self.source.as_path(), &self.target];
         let [source, target] =
             reading::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
-        let judgement =
-            quality::evaluate_with_truth(&source, &target, &transform, self.max_distance, truth.as_ref())?;
+        let judgement = quality::evaluate_with_truth(
+            &source,
+            &target,
+            &transform,
+            self.max_distance,
+            truth.as_ref(),
+        )?;
         let verdict = || {
             // The length follows its own way to thin: it wants the clouds as they are.
             let raw = Downsampling { voxel: None, ..self.thinning };
@@ -105,7 +110,10 @@ fn text(judgement: &EvaluationReport) -> String {
         format!("target fitness        {:.6} of the target points", e.target_fitness),
         format!("inlier RMSE           {:.6}", e.inlier_rmse),
         format!("chance                {:.6} (fitness of wrong rotations)", e.chance_fitness),
-        format!("agreement             {:.6} (fitness beyond chance)", e.chance_corrected_fitness()),
+        format!(
+            "agreement             {:.6} (fitness beyond chance)",
+            e.chance_corrected_fitness()
+        ),
     ];
     if let Some(truth) = &judgement.truth {
         lines.push(format!("rotation error        {:.6} deg", truth.rotation_deg));

@@ -9,8 +9,8 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::method::{Pipeline, Consensus, Method};
-use crate::pose::{RotationBound, Prior, ScaleEstimate, Solver};
+use crate::method::{Consensus, Method, Pipeline};
+use crate::pose::{Prior, RotationBound, ScaleEstimate, Solver};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.

@@ -8,7 +8,8 @@ use crate::io::outputs::FileIdentity;
 /// Refuses an output that is an input or another output, by whatever link, or whose folder is
 /// not there.
 pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)]) -> Result<()> {
-    let mut taken: Vec<FileIdentity> = inputs.iter().filter_map(|path| FileIdentity::from_path(path)).collect();
+    let mut taken: Vec<FileIdentity> =
+        inputs.iter().filter_map(|path| FileIdentity::from_path(path)).collect();
     for &(option, path) in outputs {
         let Some(path) = path else { continue };
         let refuse = |rule: &str| Err(Error::config(option, path.display(), rule));

@@ -156,7 +156,8 @@ mod tests {
 
     #[test]
     fn what_f32_cannot_hold_is_refused_by_side() {
-        let both = |far| Descriptors::from_f64_pair(2, &[0.0; 4], &[0.0, 0.0, 0.0, far]).unwrap_err();
+        let both =
+            |far| Descriptors::from_f64_pair(2, &[0.0; 4], &[0.0, 0.0, 0.0, far]).unwrap_err();
         assert!(matches!(both(f64::NAN), Error::NonFinite { index: 1, .. }));
         let message = "target_descriptors = 1e19: must be within +-1e18";
         assert_eq!(both(1e19).to_string(), message);

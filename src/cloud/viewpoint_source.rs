@@ -23,7 +23,8 @@ pub enum ViewpointSource {
 
 impl ViewpointSource {
     /// All of them.
-    pub const ALL: [ViewpointSource; 3] = [ViewpointSource::File, ViewpointSource::Origin, ViewpointSource::None];
+    pub const ALL: [ViewpointSource; 3] =
+        [ViewpointSource::File, ViewpointSource::Origin, ViewpointSource::None];
 
     /// The cloud with what is known.
     ///
@@ -34,7 +35,9 @@ impl ViewpointSource {
             ViewpointSource::File => Ok(cloud),
             ViewpointSource::Origin if cloud.viewpoint().is_some() => Ok(cloud),
             ViewpointSource::Origin => cloud.with_viewpoint([0.0; 3]),
-            ViewpointSource::None => PointCloud::from_parts(Parts { viewpoint: None, ..cloud.parts() }),
+            ViewpointSource::None => {
+                PointCloud::from_parts(Parts { viewpoint: None, ..cloud.parts() })
+            }
         }
     }
 

@@ -132,7 +132,8 @@ impl PerspectiveView {
             }
         }
         let sides = [high[0] - low[0], high[1] - low[1]];
-        let side = (2.0 * (mesh.faces.len() as f64).sqrt()).clamp(IMAGE_SIZE_RANGE.0, IMAGE_SIZE_RANGE.1);
+        let side =
+            (2.0 * (mesh.faces.len() as f64).sqrt()).clamp(IMAGE_SIZE_RANGE.0, IMAGE_SIZE_RANGE.1);
         picture.low = low;
         picture.per_unit = side / sides[0].max(sides[1]).max(f64::MIN_POSITIVE);
         for [x, y, _] in &mut corners {

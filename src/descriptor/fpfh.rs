@@ -132,7 +132,14 @@ pub fn fpfh_at(
     let simple = simple.as_chunks().0;
     let describe = |weights: &mut WeightScratch, at: usize| {
         let i = rows[places[at] as usize];
-        pulp::Arch::new().dispatch(WeightSpfh { points, spfh: simple, neighbors, scale, i, weights })
+        pulp::Arch::new().dispatch(WeightSpfh {
+            points,
+            spfh: simple,
+            neighbors,
+            scale,
+            i,
+            weights,
+        })
     };
     let described = par::map(rows.len(), WeightScratch::default, describe);
     let mut full = vec![0.0f32; rows.len() * BINS];

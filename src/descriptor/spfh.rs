@@ -2,7 +2,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::bin::{self, LANES, OrientedPointLanes, OrientedPoint};
+use super::bin::{self, LANES, OrientedPoint, OrientedPointLanes};
 use super::fpfh::{BINS, BLOCK, BLOCK_SUM};
 use crate::search::Neighbors;
 

@@ -142,7 +142,8 @@ pub(crate) fn merge_duplicate_points(cloud: &PointCloud) -> Result<Option<PointC
     let points = cloud.points();
     let sampled = sample_row_counts(points, &rows_per_bucket(points));
     let rows: usize = sampled.iter().sum();
-    if ((rows - sampled.len()) as f64) < MIN_DUPLICATE_SHARE * rows as f64 || rows == sampled.len() {
+    if ((rows - sampled.len()) as f64) < MIN_DUPLICATE_SHARE * rows as f64 || rows == sampled.len()
+    {
         return Ok(None);
     }
     let mut numbers: FxHashMap<PointBits, usize> = FxHashMap::default();

@@ -181,7 +181,10 @@ pub fn voxel_size_for(cloud: &PointCloud, count: usize) -> Result<f64> {
         side *= ratio.sqrt().clamp(0.25, 4.0);
     }
     // However small cubes are, as many are not filled where rows share fewer places.
-    if ratio < 0.9 && longest > 0.0 && duplicates::count_distinct(cloud.points().iter().step_by(step)) <= count {
+    if ratio < 0.9
+        && longest > 0.0
+        && duplicates::count_distinct(cloud.points().iter().step_by(step)) <= count
+    {
         return Ok(1.5 * search::resolution(cloud.points())?);
     }
     Ok(side)

@@ -1,7 +1,7 @@
 //! Which columns of a file hold what.
 
-use super::differences::{Differences, truncate_name};
 use super::content_error::{ContentError, quote_start};
+use super::differences::{Differences, truncate_name};
 use super::lines::number;
 use super::names::{UniqueNames, channel_name};
 use crate::cloud::{Channels, ColorDepth};
@@ -116,7 +116,9 @@ impl ColumnMap {
     /// Finds the columns by their names; a normal counts when it is there in full.
     /// Other columns are extras, under the name of a channel that no other has; those called
     /// `None` have no single number. The error says which name is missing, or there twice.
-    pub fn from_names<'a>(names: impl Iterator<Item = Option<&'a str>>) -> Result<ColumnMap, String> {
+    pub fn from_names<'a>(
+        names: impl Iterator<Item = Option<&'a str>>,
+    ) -> Result<ColumnMap, String> {
         let mut columns = ColumnMap::default();
         let mut slots = [None; 6];
         let mut taken = UniqueNames::default();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use csv_core::ReadRecordResult;
 
-use super::limited_file::{MemoryBudget, LimitedFile, MAX_RECORD_BYTES, mebibytes, too_large};
+use super::limited_file::{LimitedFile, MAX_RECORD_BYTES, MemoryBudget, mebibytes, too_large};
 use crate::error::{Error, Result};
 
 /// Most columns of a table. Chosen by hand, far above what programs write.

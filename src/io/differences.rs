@@ -49,7 +49,8 @@ impl Differences {
 
     /// Adds a name that is changed.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
-        let from = if from.is_empty() { "a column without a name".into() } else { truncate_name(from) };
+        let from =
+            if from.is_empty() { "a column without a name".into() } else { truncate_name(from) };
         self.change(format!("{from} is called {}", truncate_name(to)));
     }
 }

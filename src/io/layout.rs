@@ -168,7 +168,8 @@ impl<'a> FieldLayout<'a> {
 
     /// Notes that a colour is written as a number.
     fn note_color_as_number(&mut self, name: &str) {
-        self.differences.change(format!("{} is a number from 0 to 1, no colour", truncate_name(name)));
+        self.differences
+            .change(format!("{} is a number from 0 to 1, no colour", truncate_name(name)));
     }
 
     fn leave_out_viewpoint(&mut self, cloud: &PointCloud) {

@@ -115,7 +115,10 @@ pub(crate) fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Re
     line.clear();
     reader.take(MAX_RECORD_BYTES as u64 + 1).read_until(b'\n', line)?;
     if line.len() > MAX_RECORD_BYTES {
-        return Err(too_large(format!("has a line of more than {}", mebibytes(MAX_RECORD_BYTES as u64))));
+        return Err(too_large(format!(
+            "has a line of more than {}",
+            mebibytes(MAX_RECORD_BYTES as u64)
+        )));
     }
     Ok(!line.is_empty())
 }

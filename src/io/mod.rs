@@ -28,11 +28,13 @@
 //! [`LONGEST_STREAM`] bytes; devices are not.
 
 mod columns;
-mod differences;
 mod content_error;
+#[cfg(any(feature = "batch", feature = "figures"))]
+mod csv_reader;
+mod differences;
 mod format;
-pub(crate) mod limited_file;
 mod layout;
+pub(crate) mod limited_file;
 mod lines;
 mod load;
 mod names;
@@ -40,8 +42,6 @@ pub(crate) mod outputs;
 mod pcd;
 mod ply;
 mod pose;
-#[cfg(any(feature = "batch", feature = "figures"))]
-mod csv_reader;
 mod table;
 mod text;
 
@@ -53,8 +53,8 @@ use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
 use columns::ColumnMap;
-pub use differences::Differences;
 use content_error::{ContentError, MAX_HEADER_BYTES};
+pub use differences::Differences;
 pub use format::Format;
 use layout::FieldLayout;
 pub use load::MAX_PIPE_BYTES;
@@ -224,7 +224,10 @@ fn unknown_extension(path: &Path) -> Error {
 
 /// Writes a file beside `path`, then renames it to `path`: a full disk leaves the
 /// old file, or none, but never half of one.
-fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+fn write_atomically(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<()> {
     // Through a link, so that the link stays one.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {

@@ -27,33 +27,33 @@ fn folder(path: &Path) -> &Path {
 /// The identity of a file, by whatever path and links it is reached: its device and its number there.
 /// One that is not there yet is its name in its folder.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) struct FileIdentity(Place, Option<PathBuf>);
+pub(crate) struct FileIdentity(FileKey, Option<PathBuf>);
 
 #[cfg(unix)]
-type Place = (u64, u64);
+type FileKey = (u64, u64);
 #[cfg(not(unix))]
-type Place = PathBuf;
+type FileKey = PathBuf;
 
 impl FileIdentity {
     /// `None` where not even the folder is there.
     pub(crate) fn from_path(path: &Path) -> Option<FileIdentity> {
-        match FileIdentity::place(path) {
+        match FileIdentity::file_key(path) {
             Some(place) => Some(FileIdentity(place, None)),
             None => {
                 let name = path.file_name()?.into();
-                Some(FileIdentity(FileIdentity::place(folder(path))?, Some(name)))
+                Some(FileIdentity(FileIdentity::file_key(folder(path))?, Some(name)))
             }
         }
     }
 
     #[cfg(unix)]
-    fn place(path: &Path) -> Option<Place> {
+    fn file_key(path: &Path) -> Option<FileKey> {
         use std::os::unix::fs::MetadataExt;
         fs::metadata(path).ok().map(|facts| (facts.dev(), facts.ino()))
     }
 
     #[cfg(not(unix))]
-    fn place(path: &Path) -> Option<Place> {
+    fn file_key(path: &Path) -> Option<FileKey> {
         fs::canonicalize(path).ok()
     }
 }

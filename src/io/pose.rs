@@ -85,7 +85,8 @@ fn parse_rows(content: &[u8]) -> Result<Matrix, ContentError> {
         if line.is_empty() {
             continue;
         }
-        let row = rows.next().ok_or_else(|| ContentError::line(number, "there is a fifth row of 4"))?;
+        let row =
+            rows.next().ok_or_else(|| ContentError::line(number, "there is a fifth row of 4"))?;
         *row = parse_row(line).map_err(|what| ContentError::line(number, what))?;
     }
     match rows.len() {

@@ -3,7 +3,9 @@
 //! Rows that drop out take no room, and numbers as much as the cloud gives them, so that the
 //! whole stays within a few times the size of the file.
 
-use super::columns::{COLORS, ColumnMap, ExtraColumn, ColumnKind, Vertex, color, not_a_number_message};
+use super::columns::{
+    COLORS, ColumnKind, ColumnMap, ExtraColumn, Vertex, color, not_a_number_message,
+};
 use super::differences::{Differences, truncate_name};
 use crate::cloud::{Channels, ColorDepth, PointCloud, find_too_large, normalize_normal};
 use crate::error::Result;
@@ -56,7 +58,11 @@ impl PointTable {
         PointTable {
             places: TablePositions::Double(Vec::with_capacity(capacity)),
             normals,
-            columns: columns.extras().iter().map(|extra| TableColumn::new(extra, capacity)).collect(),
+            columns: columns
+                .extras()
+                .iter()
+                .map(|extra| TableColumn::new(extra, capacity))
+                .collect(),
             viewpoint: None,
             rows: 0,
             keeps_non_finite: false,
@@ -85,7 +91,9 @@ impl PointTable {
         let place = if is_single { 12 } else { 24 };
         let normal = if columns.has_normals() { 12 } else { 0 };
         let extra = |extra: &ExtraColumn| match extra.kind {
-            ColumnKind::Packed { alpha } | ColumnKind::PackedFloat { alpha } => 16 + 4 * usize::from(alpha),
+            ColumnKind::Packed { alpha } | ColumnKind::PackedFloat { alpha } => {
+                16 + 4 * usize::from(alpha)
+            }
             // Once more in f64.
             _ if extra.name == "weight" => 12,
             _ => 4,
@@ -145,7 +153,9 @@ impl PointTable {
     /// The positions alone.
     pub fn into_points(self) -> Vec<Vec3> {
         match self.places {
-            TablePositions::Single(places) => places.iter().map(|place| place.map(f64::from)).collect(),
+            TablePositions::Single(places) => {
+                places.iter().map(|place| place.map(f64::from)).collect()
+            }
             TablePositions::Double(places) => places,
         }
     }
@@ -190,7 +200,8 @@ impl PointTable {
     /// numbers up to 255, or up to 65535.
     fn text_depth(&self) -> Option<ColorDepth> {
         let most = |bit: usize| {
-            let mut named = self.columns.iter().filter(|column| column.kind == ColumnKind::Text(bit));
+            let mut named =
+                self.columns.iter().filter(|column| column.kind == ColumnKind::Text(bit));
             let column = named.find(|column| column.name.eq_ignore_ascii_case(COLORS[bit]))?;
             let whole = self.decimal & (1 << bit) == 0 && column.bad.is_none();
             whole.then(|| column.range[1].max(0.0))
@@ -291,7 +302,8 @@ impl TableColumn {
         // As far as numbers of a column differ from each other: chosen by hand.
         if self.error > 1e-5 * (self.range[1] - self.range[0]) && self.range[1] > self.range[0] {
             let by = self.error;
-            differences.change(format!("{} is rounded by up to {by:.1e}", truncate_name(&self.name)));
+            differences
+                .change(format!("{} is rounded by up to {by:.1e}", truncate_name(&self.name)));
         }
         let depth = match self.kind {
             ColumnKind::Color(depth) => Some(depth),

@@ -2,9 +2,9 @@
 
 use std::io::{self, Write};
 
-use super::columns::{ColumnMap, ColumnKind, Vertex, color};
-use super::differences::Differences;
+use super::columns::{ColumnKind, ColumnMap, Vertex, color};
 use super::content_error::{ContentError, MAX_HEADER_BYTES, quote_start};
+use super::differences::Differences;
 use super::layout::{FieldLayout, is_single};
 use super::lines::{Lines, number};
 use super::table::PointTable;
@@ -106,13 +106,15 @@ impl Preamble {
                 let what = format!("the line of names takes more than {MAX_HEADER_BYTES} bytes");
                 return Err(ContentError::line(number, what));
             }
-            self.named = Some(columns_from_names(line).map_err(|what| ContentError::line(number, what))?);
+            self.named =
+                Some(columns_from_names(line).map_err(|what| ContentError::line(number, what))?);
             return Ok(true);
         }
         let mut words = words(line);
         if let (None, Some(word), None) = (self.claimed, words.next(), words.next()) {
             let count = word.parse().map_err(|_| {
-                let what = format!("{} is neither a point nor a number of points", quote_start(word));
+                let what =
+                    format!("{} is neither a point nor a number of points", quote_start(word));
                 ContentError::line(number, what)
             })?;
             self.claimed = Some((number, count));

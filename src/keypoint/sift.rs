@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{canonical_order, check_unit, unit, check_range};
+use super::{canonical_order, check_range, check_unit, unit};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;

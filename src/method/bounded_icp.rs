@@ -36,8 +36,9 @@ pub(super) fn refine_with_distance_limit(
     target: Cached<'_>,
     initial: &Transform,
 ) -> Result<Registration> {
-    let [from, onto] =
-        par::join_pair([source, target], |end| filter::voxel_size_for(end.cloud, super::consensus::DOWNSAMPLED_POINTS))?;
+    let [from, onto] = par::join_pair([source, target], |end| {
+        filter::voxel_size_for(end.cloud, super::consensus::DOWNSAMPLED_POINTS)
+    })?;
     let shortest = MAX_REFINE_DISTANCE * (from * initial.scale).max(onto);
     let few = [source, target].iter().any(|end| end.cloud.len() < 3);
     if few || !(shortest > 0.0 && shortest < MAX_DISTANCE) {

@@ -59,7 +59,11 @@ impl Cache {
     ///
     /// Within a [crew](par::crew) a second caller waits while the first makes it. Elsewhere it
     /// makes its own: the thread that waits might be the one whose work is waited for.
-    pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
+    pub(super) fn get_or_compute<K, T>(
+        &self,
+        key: K,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>>
     where
         K: PartialEq + Send + 'static,
         T: HeapSize,
@@ -77,7 +81,8 @@ impl Cache {
         }
         let value = Arc::new(make()?);
         let weighed = value.clone();
-        *slot = Some(CachedValue { value: value.clone(), bytes: Box::new(move || weighed.bytes()) });
+        *slot =
+            Some(CachedValue { value: value.clone(), bytes: Box::new(move || weighed.bytes()) });
         Ok(value)
     }
 
@@ -135,20 +140,25 @@ impl<'a> Cached<'a> {
     }
 
     /// What is made of the cloud under `key`.
-    pub(super) fn get<K, T>(&self, key: K, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>>
+    pub(super) fn get_or_compute<K, T>(
+        &self,
+        key: K,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>>
     where
         K: PartialEq + Send + 'static,
         T: HeapSize,
     {
         match self.cache {
-            Some(cache) => cache.get(key, make),
+            Some(cache) => cache.get_or_compute(key, make),
             None => make().map(Arc::new),
         }
     }
 
     /// The cloud's [resolution](search::resolution).
     pub(super) fn resolution(&self) -> Result<f64> {
-        self.get(ResolutionKey, || search::resolution(self.cloud.points())).map(|found| *found)
+        self.get_or_compute(ResolutionKey, || search::resolution(self.cloud.points()))
+            .map(|found| *found)
     }
 }
 
@@ -173,11 +183,11 @@ mod tests {
                 made.set(made.get() + 1);
                 Ok(key.to_string())
             };
-            cache.get(key, make).unwrap()
+            cache.get_or_compute(key, make).unwrap()
         };
         assert_eq!((get(10).as_str(), get(10).as_str(), made.get()), ("10", "10", 1));
         // Another kind of key with the same number.
-        assert_eq!(*cache.get(10u64, || Ok(String::from("other"))).unwrap(), "other");
+        assert_eq!(*cache.get_or_compute(10u64, || Ok(String::from("other"))).unwrap(), "other");
         assert_eq!(cache.bytes(), 7);
         // Of a kind the least recently used goes; the other kind stays.
         for key in [11, 12, 13, 10, 14] {
@@ -193,23 +203,23 @@ mod tests {
     #[test]
     fn errors_are_not_kept_and_a_maker_that_ends_leaves_nothing() {
         let cache = Cache::default();
-        let failed = cache.get(1, || Err::<String, _>(Error::NO_WEIGHT));
+        let failed = cache.get_or_compute(1, || Err::<String, _>(Error::NO_WEIGHT));
         assert!(failed.is_err() && cache.bytes() == 0);
-        let ended = || _ = cache.get(1, || -> Result<String> { panic!("a bug") });
+        let ended = || _ = cache.get_or_compute(1, || -> Result<String> { panic!("a bug") });
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(ended)).is_err());
-        assert_eq!(*cache.get(1, || Ok(String::from("made"))).unwrap(), "made");
+        assert_eq!(*cache.get_or_compute(1, || Ok(String::from("made"))).unwrap(), "made");
     }
 
     #[test]
     fn outside_of_a_crew_nobody_waits() {
         let cache = Cache::default();
         let own = || Ok(String::from("own"));
-        let outer = cache.get(1, || {
+        let outer = cache.get_or_compute(1, || {
             // As a loop would that the making thread takes up while it waits.
-            assert_eq!(*cache.get(1, own).unwrap(), "own");
+            assert_eq!(*cache.get_or_compute(1, own).unwrap(), "own");
             Ok(String::from("outer"))
         });
         assert_eq!(*outer.unwrap(), "outer");
-        assert_eq!(*cache.get(1, own).unwrap(), "outer");
+        assert_eq!(*cache.get_or_compute(1, own).unwrap(), "outer");
     }
 }

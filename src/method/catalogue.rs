@@ -84,9 +84,7 @@ impl Method {
         let (prior, channels) = match self {
             Method::Consensus(method) => return method.clone(),
             Method::Cf(method) => (method.prior, &method.features.channels[..]),
-            Method::Cfk(method) => {
-                (method.cf.prior, &method.cf.features.channels[..])
-            }
+            Method::Cfk(method) => (method.cf.prior, &method.cf.features.channels[..]),
             Method::Teaser(method) => (method.prior, &method.features.channels[..]),
             Method::Icp(method) => (method.prior, &[][..]),
             Method::Kc(method) => (method.prior, &[][..]),
@@ -137,7 +135,9 @@ impl Method {
             // Its verdict looks closer.
             Method::Consensus(_) => f64::NEG_INFINITY,
             Method::Dare(_) => dare::MIN_CHANCE_CORRECTED_FITNESS,
-            method if method.as_refinement().is_some() => quality::MIN_CHANCE_CORRECTED_FITNESS_LOCAL,
+            method if method.as_refinement().is_some() => {
+                quality::MIN_CHANCE_CORRECTED_FITNESS_LOCAL
+            }
             _ => quality::MIN_CHANCE_CORRECTED_FITNESS,
         }
     }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::features::{FeatureConfig, DescriptorScale};
-use super::registration::{SolvedPose, PointCounts, Registration, Timings};
+use super::features::{DescriptorScale, FeatureConfig};
+use super::registration::{PointCounts, Registration, SolvedPose, Timings};
 use super::{Cached, Method, Register, StopReason};
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
@@ -12,7 +12,7 @@ use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{Warning, MIN_KEYPOINTS};
+use crate::quality::{MIN_KEYPOINTS, Warning};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
@@ -169,7 +169,10 @@ impl Cf {
     }
 
     /// Moments by the configured weights, and the bandwidth that they had.
-    pub(super) fn weighted_moments(&self, connection: &FullConnection) -> Result<(Moments, Option<f64>)> {
+    pub(super) fn weighted_moments(
+        &self,
+        connection: &FullConnection,
+    ) -> Result<(Moments, Option<f64>)> {
         let beta = connection.bandwidth(self.bandwidth())?;
         let Cf { weights, normalization, tolerance, .. } = *self;
         let moments = connection.pruned_moments(weights, beta, normalization, tolerance)?;

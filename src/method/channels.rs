@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::features::{FeatureConfig, FeatureCloud};
+use super::features::{FeatureCloud, FeatureConfig};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
@@ -177,9 +177,10 @@ impl FeatureConfig {
                 return Err(Error::Shape { what, expected, found });
             }
         }
-        let compared = sides
-            .each_ref()
-            .map(|side| DescriptorsWithChannels { descriptors: &side.descriptors, channels: &side.channels });
+        let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
+            descriptors: &side.descriptors,
+            channels: &side.channels,
+        });
         let joined = concatenate_scaled_channels(&self.channels, self.histogram, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
             side.descriptors = descriptors;

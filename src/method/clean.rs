@@ -28,7 +28,7 @@ struct CleanKey(bool);
 
 impl<'a> CleanCloud<'a> {
     pub(super) fn new(cloud: Cached<'a>, keep_no_returns: bool) -> Result<Self> {
-        let clean = cloud.get(CleanKey(keep_no_returns), || {
+        let clean = cloud.get_or_compute(CleanKey(keep_no_returns), || {
             let cloud = clean_points(cloud.cloud, keep_no_returns)?;
             Ok(CleanedPoints { cloud, cache: Cache::default() })
         })?;
@@ -50,7 +50,10 @@ impl HeapSize for CleanedPoints {
 }
 
 /// The points that a method takes of `cloud`; `None` where it takes all, as they are.
-pub(super) fn clean_points(cloud: &PointCloud, keep_no_returns: bool) -> Result<Option<PointCloud>> {
+pub(super) fn clean_points(
+    cloud: &PointCloud,
+    keep_no_returns: bool,
+) -> Result<Option<PointCloud>> {
     let returns = if keep_no_returns { None } else { filter::select_returns(cloud) };
     let distinct = filter::merge_duplicate_points(returns.as_ref().unwrap_or(cloud))?;
     Ok(distinct.or(returns))

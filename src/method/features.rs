@@ -103,7 +103,12 @@ impl FeatureConfig {
     /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no
     /// point has a defined normal (all on a line or in one place), [`Error::Config`] when the
     /// cloud lacks one of [`channels`](Self::channels), and those of [`normals::estimate`].
-    pub fn extract(&self, cloud: &PointCloud, name: &str, times: &mut Timings) -> Result<FeatureCloud> {
+    pub fn extract(
+        &self,
+        cloud: &PointCloud,
+        name: &str,
+        times: &mut Timings,
+    ) -> Result<FeatureCloud> {
         self.extract_at_keypoints(cloud, name, None, times)
     }
 
@@ -238,7 +243,7 @@ impl FeatureConfig {
         times: &mut Timings,
     ) -> Result<[Arc<FeatureCloud>; 2]> {
         let mut prepare = |side: Cached<'_>, name| {
-            side.get(FeatureKey(self.clone(), detector.copied()), || {
+            side.get_or_compute(FeatureKey(self.clone(), detector.copied()), || {
                 self.extract_at_keypoints(side.cloud, name, detector, times)
             })
         };

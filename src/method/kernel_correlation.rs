@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
-use super::{Method, Refine, IterationRecord, StopReason};
+use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
+use super::{IterationRecord, Method, Refine, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -141,7 +141,8 @@ impl KernelCorrelation {
         self.validate()?;
         let (source, target) = (&*source.with_positive_weights(), &*target.with_positive_weights());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
+        let positions =
+            times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
         let unit = positions.rms_radius();
         let (first, last) = self.sigma_range(source, target, unit, initial.scale)?;
         let (mut pose, mut sigma) = (*initial, first);
@@ -180,7 +181,10 @@ impl KernelCorrelation {
             sigma = (sigma * self.factor).max(last);
             (in_level, before) = (0, f64::NEG_INFINITY);
         };
-        let points = PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
+        let points = PointCounts {
+            source: CloudCounts::from_cloud(source),
+            target: CloudCounts::from_cloud(target),
+        };
         let found = SolvedPose {
             transform: pose,
             moments,

@@ -4,44 +4,44 @@
 //! [`Refine`] too; what has a name is in the catalogue [`Method`]. An answer is a
 //! [`Registration`]. Of clouds of many pairs a [`Cache`] keeps what is made of one alone.
 
+mod bounded_icp;
 mod cache;
 mod catalogue;
 mod cf;
 mod cfk;
-mod pipeline;
 mod channels;
 mod clean;
-mod weight_graph;
+mod compatibility_graph;
 mod consensus;
 mod cpd;
 mod dare;
-mod compatibility_graph;
+mod features;
 mod icp;
 mod kernel_correlation;
+mod pipeline;
 mod position_problem;
-mod features;
 mod registration;
-mod termination;
 mod settings;
-mod bounded_icp;
 mod teaser;
+mod termination;
+mod weight_graph;
 
 pub use cache::{Cache, Cached};
 pub use catalogue::Method;
 pub use cf::Cf;
 pub use cfk::Cfk;
-pub use pipeline::Pipeline;
 pub use channels::Channel;
-pub use weight_graph::{WeightGraph, WeightedLink, WeightBlock};
 pub use consensus::{Consensus, ScoredPose};
 pub use cpd::Cpd;
 pub use dare::Dare;
+pub use features::{DescriptorScale, FeatureCloud, FeatureConfig};
 pub use icp::{Icp, Metric};
 pub use kernel_correlation::KernelCorrelation;
-pub use features::{FeatureConfig, FeatureCloud, DescriptorScale};
+pub use pipeline::Pipeline;
 pub use registration::{CloudCounts, PointCounts, Registration, Timings};
-pub use termination::{IterationRecord, StopReason};
 pub use teaser::{Certificate, Teaser};
+pub use termination::{IterationRecord, StopReason};
+pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;

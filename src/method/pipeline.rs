@@ -101,7 +101,8 @@ impl Pipeline {
 
     /// Whether [`Method::outweighs_verdict`] holds for the first method or a refinement.
     pub fn is_slower_than_verdict(&self) -> bool {
-        self.first.is_slower_than_verdict() || self.refinements.iter().any(Method::is_slower_than_verdict)
+        self.first.is_slower_than_verdict()
+            || self.refinements.iter().any(Method::is_slower_than_verdict)
     }
 
     /// The first method.
@@ -115,7 +116,8 @@ impl Pipeline {
 fn limit_distance(method: &Method, found: &Registration) -> Method {
     match (method, &found.config) {
         (Method::Icp(icp), Method::Consensus(consensus)) if icp.max_distance.is_none() => {
-            let max_distance = consensus.voxel.map(|length| bounded_icp::MAX_REFINE_DISTANCE * length);
+            let max_distance =
+                consensus.voxel.map(|length| bounded_icp::MAX_REFINE_DISTANCE * length);
             Method::Icp(Icp { max_distance, ..icp.clone() })
         }
         _ => method.clone(),

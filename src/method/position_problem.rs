@@ -47,9 +47,13 @@ impl<'a> PositionProblem<'a> {
     /// Those of [`unit`] and [`SearchTree::new`].
     pub(super) fn new(source: Cached<'a>, target: Cached<'a>) -> Result<Self> {
         let unit = rms_radius(source.cloud, target.cloud)?;
-        let onto = target.get(TargetIndexKey, || {
+        let onto = target.get_or_compute(TargetIndexKey, || {
             let points = target.cloud.points();
-            Ok(TargetIndex { embedded: embed_positions(points, unit)?, tree: SearchTree::new(points)?, rms_radius: unit })
+            Ok(TargetIndex {
+                embedded: embed_positions(points, unit)?,
+                tree: SearchTree::new(points)?,
+                rms_radius: unit,
+            })
         })?;
         let (source, target) = (source.cloud, target.cloud);
         let weights = [source, target].map(PointCloud::relative_weights);
@@ -112,8 +116,10 @@ impl<'a> PositionProblem<'a> {
             origin: cloud.origin(),
             descriptors,
         };
-        let connection =
-            FullConnection::new(side(self.source, &moved), side(self.target, &self.target_index.embedded))?;
+        let connection = FullConnection::new(
+            side(self.source, &moved),
+            side(self.target, &self.target_index.embedded),
+        )?;
         let [a, b] = &self.weights;
         connection.with_point_weights(a.as_deref(), b.as_deref())
     }

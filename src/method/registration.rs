@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
 use crate::par;
-use crate::quality::{self, Warning, Evaluation, Verdict};
+use crate::quality::{self, Evaluation, Verdict, Warning};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
@@ -28,7 +28,7 @@ pub struct Registration {
     pub trusted: bool,
     /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
     /// `message`, too.
-    #[serde(serialize_with = "told")]
+    #[serde(serialize_with = "with_messages")]
     pub doubts: Vec<Warning>,
     /// Whether to take the pose, with its probability, for methods that can tell and refinements
     /// that stay with their pose; what is not to be taken is in `doubts` too.
@@ -99,7 +99,11 @@ impl Registration {
     ///
     /// # Errors
     /// Those of [`quality::evaluate`].
-    pub(super) fn finish(found: SolvedPose, source: Cached<'_>, target: Cached<'_>) -> Result<Self> {
+    pub(super) fn finish(
+        found: SolvedPose,
+        source: Cached<'_>,
+        target: Cached<'_>,
+    ) -> Result<Self> {
         let SolvedPose { transform, moments, singular_values, mut times, mut doubts, .. } = found;
         let evaluation = times.time("evaluate", || {
             let [from, onto] = par::join_pair([source, target], |side| side.resolution())?;
@@ -181,14 +185,19 @@ impl Registration {
 }
 
 /// Doubts, each with what it says.
-fn with_messages<S: Serializer>(doubts: &[Warning], serializer: S) -> std::result::Result<S::Ok, S::Error> {
+fn with_messages<S: Serializer>(
+    doubts: &[Warning],
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
     #[derive(Serialize)]
     struct WarningWithMessage<'a> {
         #[serde(flatten)]
         doubt: &'a Warning,
         message: String,
     }
-    serializer.collect_seq(doubts.iter().map(|doubt| WarningWithMessage { doubt, message: doubt.to_string() }))
+    serializer.collect_seq(
+        doubts.iter().map(|doubt| WarningWithMessage { doubt, message: doubt.to_string() }),
+    )
 }
 
 /// Points of the two clouds.

@@ -48,11 +48,13 @@ impl Method {
             _ => return Err(bad("the method has no settings".into())),
         };
         if field == "method" || !config.contains_key(field) {
-            let rule = format!("{} has no such setting; it has {}", self.name(), setting_names(&config));
+            let rule =
+                format!("{} has no such setting; it has {}", self.name(), setting_names(&config));
             return Err(bad(rule));
         }
         config.insert(field.into(), value);
-        serde_json::from_value(Value::Object(config)).map_err(|error| bad(setting_error_text(error)))
+        serde_json::from_value(Value::Object(config))
+            .map_err(|error| bad(setting_error_text(error)))
     }
 }
 
@@ -66,7 +68,9 @@ fn expand_shorthand(name: &str, value: Value) -> Result<(&str, Value)> {
             value => ("more_scales", json!([parse_scale(value)])),
         },
         "channels" => match value {
-            Value::Array(all) => ("channels", all.into_iter().map(parse_channel).collect::<Result<_>>()?),
+            Value::Array(all) => {
+                ("channels", all.into_iter().map(parse_channel).collect::<Result<_>>()?)
+            }
             value => ("channels", json!([parse_channel(value)?])),
         },
         "detector" => match value {

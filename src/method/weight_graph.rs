@@ -10,7 +10,7 @@ use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::Result;
 use crate::keypoint::Keypoints;
 use crate::math::{self, Vec3};
-use crate::moments::{FeatureView, Entries, FullConnection};
+use crate::moments::{Entries, FeatureView, FullConnection};
 use crate::par;
 use crate::search::SearchTree;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -79,7 +79,7 @@ impl Method {
     /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
     /// let method: Method = "cf".parse()?;
     /// let found = method.register(&source, &target)?;
-    /// let connections = method.connections(&source, &target, &found.transform)?.unwrap();
+    /// let connections = method.weight_graph(&source, &target, &found.transform)?.unwrap();
     /// assert_eq!(connections.links.len(), 600);
     /// # Ok::<(), cfreg::Error>(())
     /// ```
@@ -91,22 +91,24 @@ impl Method {
     ) -> Result<Option<WeightGraph>> {
         match self {
             Method::Cf(Cf { weights: WeightScheme::Custom, .. }) => Ok(None),
-            Method::Cfk(Cfk { cf: connection, .. }) if connection.weights == WeightScheme::Custom => {
+            Method::Cfk(Cfk { cf: connection, .. })
+                if connection.weights == WeightScheme::Custom =>
+            {
                 Ok(None)
             }
-            Method::Cf(cf) => cf.connections(source, target, pose, None).map(Some),
+            Method::Cf(cf) => cf.weight_graph(source, target, pose, None).map(Some),
             Method::Cfk(Cfk { keypoints, cf: connection }) => {
-                connection.connections(source, target, pose, Some(keypoints)).map(Some)
+                connection.weight_graph(source, target, pose, Some(keypoints)).map(Some)
             }
             Method::Consensus(consensus) => consensus.weight_graph(source, target, pose).map(Some),
-            Method::Teaser(teaser) => teaser.connections(source, target, pose).map(Some),
+            Method::Teaser(teaser) => teaser.weight_graph(source, target, pose).map(Some),
             Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => Ok(None),
         }
     }
 }
 
 impl Cf {
-    fn connections(
+    fn weight_graph(
         &self,
         source: &PointCloud,
         target: &PointCloud,
@@ -115,8 +117,10 @@ impl Cf {
     ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
             let mut times = Timings::default();
-            let source = self.features.extract_at_keypoints(source, "the source", detector, &mut times)?;
-            let target = self.features.extract_at_keypoints(target, "the target", detector, &mut times)?;
+            let source =
+                self.features.extract_at_keypoints(source, "the source", detector, &mut times)?;
+            let target =
+                self.features.extract_at_keypoints(target, "the target", detector, &mut times)?;
             let [source, target] = self.features.concatenate_channels([source, target])?;
             let connection = source.connection(&target)?;
             let beta = connection.bandwidth(self.bandwidth())?;
@@ -146,7 +150,7 @@ impl Cf {
 }
 
 impl Teaser {
-    fn connections(
+    fn weight_graph(
         &self,
         source: &PointCloud,
         target: &PointCloud,
@@ -195,13 +199,23 @@ impl WeightGraph {
             links.push(WeightedLink { source, target, weight });
         }
         let (reach, links) = (Some(reach), sort_by_weight(links));
-        Ok(WeightGraph { full: false, inlier_distance: reach, points, weight_sums: received, links, block: matrix })
+        Ok(WeightGraph {
+            full: false,
+            inlier_distance: reach,
+            points,
+            weight_sums: received,
+            links,
+            block: matrix,
+        })
     }
 }
 
 impl WeightBlock {
     /// The points of a matrix that has no weights yet.
-    fn from_nearest_points([source, target]: [FeatureView<'_>; 2], pose: &Transform) -> Result<WeightBlock> {
+    fn from_nearest_points(
+        [source, target]: [FeatureView<'_>; 2],
+        pose: &Transform,
+    ) -> Result<WeightBlock> {
         let tree = SearchTree::new(target.points)?;
         let step = source.points.len().div_ceil(MAX_BLOCK_ROWS).max(1);
         let rows: Vec<u32> = (0..source.points.len() as u32).step_by(step).collect();
@@ -214,7 +228,13 @@ impl WeightBlock {
             apart.push(f64::from(nearest.squared_distance).sqrt());
         }
         let looks = project_on_principal_axis(source.descriptors, &rows);
-        Ok(WeightBlock { rows, columns, distances: apart, principal_feature: looks, weights: Vec::new() })
+        Ok(WeightBlock {
+            rows,
+            columns,
+            distances: apart,
+            principal_feature: looks,
+            weights: Vec::new(),
+        })
     }
 }
 

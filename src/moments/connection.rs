@@ -1,8 +1,8 @@
 //! The full connection between two described clouds, and its moments.
 
 use super::dense::{self, inverse_factors, nearest_descriptors, row_sums};
-use super::side::{FeatureView, PointWeights, ConnectionSide};
 use super::pruned;
+use super::side::{ConnectionSide, FeatureView, PointWeights};
 use super::sums::Moments;
 use super::tile::{Scaling, joint_mean};
 use crate::error::{Error, Result};
@@ -171,7 +171,8 @@ impl FullConnection {
         if tolerance == 0.0 || self.pairs() < pruned::MIN_CONNECTIONS || self.has_point_weights() {
             return self.scheme_moments(scheme, beta, normalization);
         }
-        let (moments, _) = self.pruned_moments_with_count(scheme, beta, normalization, tolerance)?;
+        let (moments, _) =
+            self.pruned_moments_with_count(scheme, beta, normalization, tolerance)?;
         moments.centered()?;
         Ok(moments)
     }
@@ -189,7 +190,11 @@ impl FullConnection {
         impl KernelVisitor for PrunedMomentsVisitor<'_> {
             type Output = (Moments, u64);
             fn visit<K: WeightKernel>(self, kernel: K) -> (Moments, u64) {
-                let PrunedMomentsVisitor(FullConnection { source, target }, normalization, tolerance) = self;
+                let PrunedMomentsVisitor(
+                    FullConnection { source, target },
+                    normalization,
+                    tolerance,
+                ) = self;
                 pruned::moments(source, target, &kernel, normalization, tolerance)
             }
         }

@@ -1,6 +1,6 @@
 //! Passes over all pairs of two sides, tile by tile.
 
-use super::reduce::{RowMinima, MomentSums, RowSums, Targets};
+use super::reduce::{MomentSums, RowMinima, RowSums, Targets};
 use super::side::ConnectionSide;
 use super::sums::Moments;
 use super::tile::{SOURCES, Scaling, weigh_block};

@@ -157,8 +157,11 @@ mod tests {
     #[test]
     fn sums_of_all_entries_are_the_sums_that_are_told() {
         let (points, tables) = sides();
-        let side =
-            |k: usize| FeatureView { points: &points[k], origin: [0.0; 3], descriptors: &tables[k] };
+        let side = |k: usize| FeatureView {
+            points: &points[k],
+            origin: [0.0; 3],
+            descriptors: &tables[k],
+        };
         let weights: Vec<f32> = (0..90).map(|k| 0.5 + (k % 3) as f32).collect();
         let connection = FullConnection::new(side(0), side(1)).unwrap();
         let connection = connection.with_point_weights(Some(&weights), None).unwrap();

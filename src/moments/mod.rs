@@ -15,9 +15,9 @@ mod dense;
 mod entries;
 pub mod naive;
 mod pairs;
+mod pruned;
 mod reduce;
 mod side;
-mod pruned;
 mod sums;
 mod tile;
 

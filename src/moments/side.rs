@@ -1,6 +1,6 @@
 //! One side of a full connection: what is handed in, and how passes want it.
 
-use super::tile::{Panels, DescriptorRows};
+use super::tile::{DescriptorRows, Panels};
 use crate::cloud::{Descriptors, check_weights};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::worker_pool::in_worker;
 use super::interrupt::{Interrupt, checkpoint, enter};
+use super::worker_pool::in_worker;
 use crate::error::{Error, Result};
 
 /// Most threads that may be asked for.

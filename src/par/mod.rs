@@ -5,13 +5,13 @@
 //! The loops run on the pool they are called from: [`with_threads`] chooses it. Whoever
 //! runs work under an [`Interrupt`] can end it from another thread.
 
-mod worker_pool;
 mod interrupt;
 mod loops;
+mod worker_pool;
 
-pub use worker_pool::{worker_pool, in_worker};
 pub use interrupt::{Interrupt, checkpoint, is_interrupt_requested, stop};
 pub use loops::{
-    MAX_THREADS, join_pair, check_threads, for_each_row, in_pool, map, map_blocks, on_new_thread,
+    MAX_THREADS, check_threads, for_each_row, in_pool, join_pair, map, map_blocks, on_new_thread,
     with_threads,
 };
+pub use worker_pool::{in_worker, worker_pool};

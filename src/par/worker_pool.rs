@@ -131,9 +131,11 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
             begun.fetch_add(1, Ordering::Relaxed)
         };
-        worker_pool(2, 0..1_000_000, work, Duration::from_secs(1), |_| ControlFlow::Break(())).unwrap();
+        worker_pool(2, 0..1_000_000, work, Duration::from_secs(1), |_| ControlFlow::Break(()))
+            .unwrap();
         assert!(begun.load(Ordering::Relaxed) < 100);
-        let endless = || worker_pool(2000, 0..1, |_| (), Duration::ZERO, |_| ControlFlow::Continue(()));
+        let endless =
+            || worker_pool(2000, 0..1, |_| (), Duration::ZERO, |_| ControlFlow::Continue(()));
         assert!(endless().is_err());
     }
 }

@@ -13,7 +13,7 @@ mod walker;
 
 pub(crate) use horn_quaternion::product_form;
 pub use nearest::{MAX_ROTATION_ERROR, nearest_rotation};
-pub use prior::{RotationBound, Prior};
+pub use prior::{Prior, RotationBound};
 
 use std::fmt;
 use std::str::FromStr;

@@ -27,7 +27,8 @@ pub(super) fn solve_pose(moments: &Moments) -> Result<(Mat3, Vec3)> {
     for a in 0..3 {
         for b in 0..3 {
             // Q and W are linear in their vectors, so the sum over pairs needs only Σw p qᵀ.
-            let product = mul(&transpose(&left_product_matrix(axis(b))), &right_product_matrix(axis(a)));
+            let product =
+                mul(&transpose(&left_product_matrix(axis(b))), &right_product_matrix(axis(a)));
             add_scaled(&mut c1, &product, -2.0 * cross[a][b]);
         }
     }

@@ -17,7 +17,7 @@ use super::errors::{exception, real, refused};
 use super::foreign::BadRows;
 use super::registration::{Named, Options, chain_of};
 use crate::batch::{
-    self, Batch, Column, Graph, List, Row, Start, Summary, Tangent, Downsampling, panics_go_to_rows,
+    self, Batch, Column, Downsampling, Graph, List, Row, Start, Summary, Tangent, panics_go_to_rows,
 };
 use crate::cloud::ViewpointSource;
 use crate::error::Error;

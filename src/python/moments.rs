@@ -21,7 +21,9 @@ use crate::cloud::{Descriptors, PointCloud};
 use crate::error::Error;
 use crate::math::Vec3;
 use crate::method::Cf;
-use crate::moments::{FeatureView, FullConnection, Moments as Sums, WeightedPair, moments_of_pairs};
+use crate::moments::{
+    FeatureView, FullConnection, Moments as Sums, WeightedPair, moments_of_pairs as sum_pairs,
+};
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
 use crate::weight::{Bandwidth, Composite, Normalization};
@@ -306,7 +308,7 @@ pub(super) fn moments_of_pairs(
         let pairs: Vec<WeightedPair> = pairs.iter().enumerate().map(weighed).collect();
         match pairs.iter().find(|pair| pair.weight < 0.0) {
             Some(bad) => Err(Error::config("weights", bad.weight, "must not be negative")),
-            None => moments_of_pairs(source, target, &pairs),
+            None => sum_pairs(source, target, &pairs),
         }
     });
     sums.map(Moments)

@@ -18,7 +18,7 @@ use super::panics::caught;
 use super::weights::{OwnWeights, Weights};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::method::{Pipeline, Method, Register, Registration};
+use crate::method::{Method, Pipeline, Register, Registration};
 use crate::pose::nearest_rotation;
 use crate::quality;
 use crate::weight::Normalization;
@@ -178,8 +178,9 @@ pub(super) fn evaluate(
     let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    let judgement =
-        released(py, || quality::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref()))?;
+    let judgement = released(py, || {
+        quality::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref())
+    })?;
     to_json(&judgement)
 }
 

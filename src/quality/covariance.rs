@@ -66,6 +66,7 @@ pub struct PoseCovariance {
     /// Motions along which the surfaces slide on each other, |ω|² + |τ|²/r² = 1 with r the root
     /// mean square distance of the points from the center. The matrix has the variance 1 (and r²)
     /// along them, in place of infinity.
+    #[serde(rename = "undetermined")]
     pub unobservable: Vec<Twist>,
 }
 
@@ -128,7 +129,8 @@ impl PoseCovariance {
             let pull: Vec6 = std::array::from_fn(|k| along(k, &cube.gradient));
             (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += fitted * pull[i] * pull[j]));
         }
-        let answer = frame.finite_difference_hessian(&contacts, pose, &motions, DIFFERENCE_STEP * spacing);
+        let answer =
+            frame.finite_difference_hessian(&contacts, pose, &motions, DIFFERENCE_STEP * spacing);
         let known = spacing / frame.radius;
         let slope = |k: usize| (values[k] / frame.squared_displacement(&all, &motions[k])).sqrt();
         let holds = |&k: &usize| {
@@ -148,7 +150,8 @@ impl PoseCovariance {
         (0..6).for_each(|k| own[k][k] = 1.0);
         for (i, &k) in held.iter().enumerate() {
             for (j, &l) in held.iter().enumerate() {
-                own[k][l] = spread[(i, j)] + if k == l { (SAMPLING_STD * known).powi(2) } else { 0.0 };
+                own[k][l] =
+                    spread[(i, j)] + if k == l { (SAMPLING_STD * known).powi(2) } else { 0.0 };
             }
         }
         let unit = |i: usize| if i < 3 { 1.0 } else { frame.radius };
@@ -311,7 +314,8 @@ impl NormalizedFrame {
                 pull(motions[k / 2].map(|x| sign * x))
             },
         );
-        let probed: f64 = contacts(pose, MAX_DIFFERENCE_POINTS).iter().map(|contact| contact.weight).sum();
+        let probed: f64 =
+            contacts(pose, MAX_DIFFERENCE_POINTS).iter().map(|contact| contact.weight).sum();
         let share = probed / self.weight;
         std::array::from_fn(|k| {
             std::array::from_fn(|l| (steps[2 * l][k] - steps[2 * l + 1][k]) / (2.0 * step * share))

@@ -36,7 +36,11 @@ impl Evaluation {
     /// between clouds of different density and shape, where fitness alone is not. 0 when
     /// chance is 1.
     pub fn chance_corrected_fitness(&self) -> f64 {
-        if self.chance_fitness < 1.0 { (self.fitness - self.chance_fitness) / (1.0 - self.chance_fitness) } else { 0.0 }
+        if self.chance_fitness < 1.0 {
+            (self.fitness - self.chance_fitness) / (1.0 - self.chance_fitness)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -60,7 +64,8 @@ impl Serialize for Evaluation {
 /// # Errors
 /// Those of [`search::resolution`].
 pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) -> Result<f64> {
-    let [source, target] = par::join_pair([source, target], |cloud| search::resolution(cloud.points()))?;
+    let [source, target] =
+        par::join_pair([source, target], |cloud| search::resolution(cloud.points()))?;
     Ok(default_distance_from_resolutions(source, target, scale))
 }
 
@@ -96,7 +101,8 @@ pub fn evaluate(
         return Err(Error::Extent { extent: f64::INFINITY });
     }
     let limit = (max_distance * max_distance) as f32;
-    let [source_points, target_points] = par::join_pair([&moved[..], target.points()], NearestDistances::new)?;
+    let [source_points, target_points] =
+        par::join_pair([&moved[..], target.points()], NearestDistances::new)?;
     let moved: Vec<[f32; 3]> = source_points.points().collect();
     let there = target_points.squared_distances(&moved, limit);
     let back = source_points.squared_distances(&target_points.points().collect::<Vec<_>>(), limit);

@@ -256,8 +256,11 @@ mod tests {
     #[test]
     fn a_pose_that_slides_is_not_accepted() {
         let motion = Twist { rotation: [0.0; 3], translation: [1.0, 0.0, 0.0] };
-        let known =
-            |undetermined| PoseCovariance { matrix: [[0.0; 6]; 6], center: [0.0; 3], unobservable: undetermined };
+        let known = |undetermined| PoseCovariance {
+            matrix: [[0.0; 6]; 6],
+            center: [0.0; 3],
+            unobservable: undetermined,
+        };
         let decided = |known| Verdict::new(0.99, 0.5, Vec::new(), None, Some(known)).decision;
         assert_eq!(decided(known(Vec::new())), Decision::Accept);
         assert_eq!(decided(known(vec![motion])), Decision::Ambiguous);

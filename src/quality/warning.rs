@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::evaluate::Evaluation;
-use super::verdict::{MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, Decision, Verdict};
+use super::verdict::{Decision, MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, Verdict};
 
 /// Agreement beyond chance below which a pose is doubted.
 ///
@@ -55,6 +55,7 @@ pub const MIN_KEYPOINTS: usize = 10;
 #[non_exhaustive]
 pub enum Warning {
     /// The clouds hardly lie on each other better than under a wrong rotation.
+    #[serde(rename = "low-agreement")]
     LowFitness {
         /// [`Evaluation::agreement`] of the pose.
         found: f64,
@@ -63,6 +64,7 @@ pub enum Warning {
     },
     /// Wrong rotations lay the clouds on each other nearly as well: they are small, round or
     /// filled, and agreement tells little.
+    #[serde(rename = "high-chance")]
     HighChanceFitness {
         /// [`Evaluation::chance`].
         found: f64,
@@ -96,6 +98,7 @@ pub enum Warning {
     },
     /// The surfaces hardly hold the pose in one direction: planes, spheres and the like
     /// slide along themselves.
+    #[serde(rename = "slides")]
     Degenerate {
         /// Least hold of the paired surfaces relative to their mean.
         found: f64,
@@ -131,11 +134,13 @@ pub enum Warning {
         other: f64,
     },
     /// Nothing holds the pose along some motions: the surfaces that lie on each other slide.
+    #[serde(rename = "undetermined")]
     Unobservable {
         /// How many, of 6.
         motions: usize,
     },
     /// At another scale more of the source would lie on the target.
+    #[serde(rename = "other-scale")]
     ScaleMismatch {
         /// [`Verdict::other_scale`].
         scale: f64,
@@ -150,41 +155,49 @@ pub enum Warning {
 
 /// All grounds to doubt a pose with this evaluation and these relative singular values;
 /// `needed` is the least agreement.
-pub fn find_warnings(evaluation: &Evaluation, singular_values: [f64; 3], needed: f64) -> Vec<Warning> {
-    let mut doubts = Vec::new();
+pub fn find_warnings(
+    evaluation: &Evaluation,
+    singular_values: [f64; 3],
+    needed: f64,
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
     let found = evaluation.chance_corrected_fitness();
     if found.is_nan() || found < needed {
-        find_warnings.push(Warning::LowFitness { found, needed });
+        warnings.push(Warning::LowFitness { found, needed });
     }
     let found = singular_values[1];
     if found.is_nan() || found < MIN_SECOND_SINGULAR_VALUE {
-        find_warnings.push(Warning::WeakRotation { found, needed: MIN_SECOND_SINGULAR_VALUE });
+        warnings.push(Warning::WeakRotation { found, needed: MIN_SECOND_SINGULAR_VALUE });
     }
     let found = singular_values[2];
     if found < MIN_THIRD_SINGULAR_VALUE {
-        find_warnings.push(Warning::Flat { found, needed: MIN_THIRD_SINGULAR_VALUE });
+        warnings.push(Warning::Flat { found, needed: MIN_THIRD_SINGULAR_VALUE });
     }
-    find_warnings
+    warnings
 }
 
 impl Warning {
     /// The grounds for doubt that a verdict is, unless it accepts.
     pub fn from_verdict(verdict: &Verdict) -> Vec<Warning> {
         let found = verdict.probability;
-        let mut doubts = match (verdict.decision, verdict.runner_up) {
+        let mut warnings = match (verdict.decision, verdict.runner_up) {
             (Decision::Accept, _) => return Vec::new(),
-            (Decision::Reject, _) => vec![Warning::Improbable { found, needed: MIN_ACCEPTED_PROBABILITY }],
-            (Decision::Ambiguous, Some(other)) if other.probability > MIN_AMBIGUOUS_ODDS * found => {
+            (Decision::Reject, _) => {
+                vec![Warning::Improbable { found, needed: MIN_ACCEPTED_PROBABILITY }]
+            }
+            (Decision::Ambiguous, Some(other))
+                if other.probability > MIN_AMBIGUOUS_ODDS * found =>
+            {
                 vec![Warning::Ambiguous { other: other.probability }]
             }
             (Decision::Ambiguous, _) => Vec::new(),
         };
         let loose = verdict.covariance.as_ref().map_or(0, |known| known.unobservable.len());
         if loose > 0 {
-            find_warnings.push(Warning::Unobservable { motions: loose });
+            warnings.push(Warning::Unobservable { motions: loose });
         }
-        find_warnings.extend(verdict.other_scale.map(|scale| Warning::ScaleMismatch { scale }));
-        find_warnings
+        warnings.extend(verdict.other_scale.map(|scale| Warning::ScaleMismatch { scale }));
+        warnings
     }
 }
 

@@ -21,8 +21,11 @@ impl Kept {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
     pub fn read(path: &Path) -> Result<Kept> {
-        let text =
-            io::limited_file::read_text(path, io::limited_file::MAX_DOCUMENT_BYTES, "what `cfreg register --json` prints")?;
+        let text = io::limited_file::read_text(
+            path,
+            io::limited_file::MAX_DOCUMENT_BYTES,
+            "what `cfreg register --json` prints",
+        )?;
         Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::words;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
-use crate::method::{WeightGraph, WeightedLink, WeightBlock};
+use crate::method::{WeightBlock, WeightGraph, WeightedLink};
 
 /// Connections and W. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
@@ -60,7 +60,9 @@ impl Weights {
     ) -> Weights {
         let near = connections.inlier_distance.unwrap_or(TOGETHER * near);
         let WeightGraph { points, links, .. } = connections;
-        let ends = |link: &WeightedLink| [points[0][link.source as usize], points[1][link.target as usize]];
+        let ends = |link: &WeightedLink| {
+            [points[0][link.source as usize], points[1][link.target as usize]]
+        };
         let drawn = some(links, connections.full);
         let agrees: Vec<u8> = drawn
             .iter()

@@ -230,7 +230,9 @@ impl<'a> Pair<'a> {
                 return Err(crate::Error::TooFewPoints { what, found, needed });
             }
         }
-        crate::par::join_pair([self.source, self.target], |cloud| Shown::of(cloud, self.points.max(1)))
+        crate::par::join_pair([self.source, self.target], |cloud| {
+            Shown::of(cloud, self.points.max(1))
+        })
     }
 
     /// The largest distance that counts.

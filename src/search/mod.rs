@@ -5,11 +5,11 @@
 //! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
 //! [`Closest`] tells distances alone, [`Vicinity`] what is too far to ask about.
 
-mod nearest_distances;
 mod leaves;
 mod nearest;
-mod tree;
+mod nearest_distances;
 mod occupancy_grid;
+mod tree;
 
 use std::fmt;
 
@@ -22,8 +22,8 @@ use leaves::Leaves;
 pub(crate) use leaves::squared_distance;
 
 pub use nearest_distances::NearestDistances;
-pub use tree::SearchTree;
 pub use occupancy_grid::OccupancyGrid;
+pub use tree::SearchTree;
 
 /// Which points around a point belong to its neighbourhood. The point itself is one of
 /// them, as in PCL and Open3D.
@@ -174,7 +174,11 @@ impl Neighbors {
 const MAX_NEIGHBORS: usize = 500_000_000;
 
 /// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
-pub(crate) fn check_neighbor_memory(tree: &SearchTree, points: &[[f32; 3]], radius: f64) -> Result<()> {
+pub(crate) fn check_neighbor_memory(
+    tree: &SearchTree,
+    points: &[[f32; 3]],
+    radius: f64,
+) -> Result<()> {
     let step = points.len().div_ceil(100);
     let judged: Vec<usize> =
         points.iter().step_by(step).map(|point| tree.within(point, radius).len()).collect();

@@ -21,13 +21,18 @@ const RADIUS_MARGIN: f32 = 1.25;
 pub(super) fn k_nearest_of_all(leaves: &Leaves, k: usize) -> Vec<u32> {
     let mut rows = vec![0; leaves.len() * k];
     let arch = pulp::Arch::new();
-    par::for_each_row(&mut rows, LEAVES_PER_TASK * LEAF * k, QueryScratch::default, |scratch, task, rows| {
-        let mut reach = 0.0;
-        for (at, rows) in rows.chunks_mut(LEAF * k).enumerate() {
-            let leaf = task * LEAVES_PER_TASK + at;
-            reach = arch.dispatch(LeafQuery { leaves, leaf, k, reach, scratch, rows });
-        }
-    });
+    par::for_each_row(
+        &mut rows,
+        LEAVES_PER_TASK * LEAF * k,
+        QueryScratch::default,
+        |scratch, task, rows| {
+            let mut reach = 0.0;
+            for (at, rows) in rows.chunks_mut(LEAF * k).enumerate() {
+                let leaf = task * LEAVES_PER_TASK + at;
+                reach = arch.dispatch(LeafQuery { leaves, leaf, k, reach, scratch, rows });
+            }
+        },
+    );
     rows
 }
 
@@ -59,7 +64,8 @@ impl WithSimd for LeafQuery<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f32 {
         let LeafQuery { leaves, leaf, k, reach, scratch, rows } = self;
-        if let Some(used) = fill_rows_within(leaves, leaf, k, reach * RADIUS_MARGIN, scratch, rows) {
+        if let Some(used) = fill_rows_within(leaves, leaf, k, reach * RADIUS_MARGIN, scratch, rows)
+        {
             return used;
         }
         // The ball around one point that holds k, widened by the leaf, holds k around each.

@@ -38,7 +38,13 @@ impl NearestDistances {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
             let places = &places[block];
-            self.0.leaves_within(&BoundingBox::from_points(places.iter().copied()), limit, LEAF, listed, stack);
+            self.0.leaves_within(
+                &BoundingBox::from_points(places.iter().copied()),
+                limit,
+                LEAF,
+                listed,
+                stack,
+            );
             arch.dispatch(DistancesToLeaves { leaves: &self.0, listed, places, limit })
         };
         par::map_blocks(places.len(), LEAF, Default::default, task).concat()
@@ -54,7 +60,13 @@ impl NearestDistances {
             let mut nearest = arch.dispatch(DistancesWithinLeaf(&places));
             // What is nearer than in the leaf itself.
             let limit = nearest.iter().fold(0.0f32, |a, &b| a.max(b));
-            self.0.leaves_within(&BoundingBox::from_points(places.iter().copied()), limit, LEAF, listed, stack);
+            self.0.leaves_within(
+                &BoundingBox::from_points(places.iter().copied()),
+                limit,
+                LEAF,
+                listed,
+                stack,
+            );
             listed.retain(|&listed| listed != leaf);
             let outside = DistancesToLeaves { leaves: &self.0, listed, places: &places, limit };
             let outside = arch.dispatch(outside);

@@ -102,7 +102,10 @@ mod tests {
         let line: Vec<[f32; 3]> = (0..100).map(|i| [i as f32, 0.0, 0.0]).collect();
         let vicinity = OccupancyGrid::new(&line, 1.0);
         for far in [3.0, 50.0, 1e9, -1e30, f32::NAN, f32::INFINITY] {
-            assert!(!vicinity.may_contain(&[50.0, far, 0.0]) && !vicinity.may_contain(&[50.0, 0.0, far]));
+            assert!(
+                !vicinity.may_contain(&[50.0, far, 0.0])
+                    && !vicinity.may_contain(&[50.0, 0.0, far])
+            );
         }
         // Few points in many cubes: nothing is told.
         let sparse = OccupancyGrid::new(&[[0.0; 3], [1e9; 3]], 1.0);

@@ -47,7 +47,11 @@ impl SearchTree {
         sort_by_distance(found.iter().map(|f| (f.item, f.distance)))
     }
 
-    pub(super) fn neighborhood(&self, query: &[f32; 3], neighborhood: Neighborhood) -> Vec<Neighbor> {
+    pub(super) fn neighborhood(
+        &self,
+        query: &[f32; 3],
+        neighborhood: Neighborhood,
+    ) -> Vec<Neighbor> {
         match neighborhood {
             Neighborhood::Nearest(k) => self.k_nearest(query, k),
             Neighborhood::Radius(radius) => self.within(query, radius),

@@ -89,7 +89,8 @@ impl MaxRangeReturns {
             let ahead = |&i: &usize| math::dot(along, sample[i]);
             (0..sample.len()).max_by(|a, b| ahead(a).total_cmp(&ahead(b)))
         };
-        let mut extremes: Vec<usize> = fibonacci_directions(DIRECTIONS).filter_map(farthest).collect();
+        let mut extremes: Vec<usize> =
+            fibonacci_directions(DIRECTIONS).filter_map(farthest).collect();
         extremes.sort_unstable();
         extremes.dedup();
         let extremes: Vec<Vec3> = extremes.into_iter().map(|i| sample[i]).collect();
@@ -131,7 +132,9 @@ impl RangeShell {
             before += f64::from(u8::from(d >= void && d < self.min_range()));
         }
         let n = distances.len() as f64;
-        let many = points >= MIN_SHELL_POINTS && points >= SHELL_SHARE_RANGE[0] * n && points <= SHELL_SHARE_RANGE[1] * n;
+        let many = points >= MIN_SHELL_POINTS
+            && points >= SHELL_SHARE_RANGE[0] * n
+            && points <= SHELL_SHARE_RANGE[1] * n;
         let contrast = points * (GAP_DEPTH - self.depth) / (before * self.depth);
         (many && (before < MAX_GAP_SHARE * points || contrast > MIN_CONTRAST)).then_some(contrast)
     }
@@ -154,9 +157,11 @@ impl Sphere {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let tries = (0..SPHERE_TRIALS).filter_map(|_| {
             let four = index::sample(&mut rng, points.len(), 4);
-            let mut sphere = Sphere::fit_least_squares(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
+            let mut sphere =
+                Sphere::fit_least_squares(&four.iter().map(|i| points[i]).collect::<Vec<_>>())?;
             for reach in [4.0, 2.0, 1.0] {
-                let near = points.iter().filter(|p| sphere.relative_distance(**p).abs() < reach * depth);
+                let near =
+                    points.iter().filter(|p| sphere.relative_distance(**p).abs() < reach * depth);
                 sphere = Sphere::fit_least_squares(&near.copied().collect::<Vec<_>>())?;
             }
             let on = points.iter().filter(|p| sphere.relative_distance(**p).abs() < depth).count();
@@ -233,7 +238,10 @@ mod tests {
             // A gate is a small part of the sphere: noise tells on its middle.
             assert!(off < 10.0 * noise && (found.range - 50.0).abs() < 0.05 + noise, "{found:?}");
             let shell = (6000.0 * share) as usize;
-            assert_eq!(MaxRangeReturns::detect_at(&cloud, pose.apply(SENSOR)).unwrap().points, shell);
+            assert_eq!(
+                MaxRangeReturns::detect_at(&cloud, pose.apply(SENSOR)).unwrap().points,
+                shell
+            );
             assert_eq!((found.points, found.remove_from(&cloud).len()), (shell, 6000 - shell));
         }
     }

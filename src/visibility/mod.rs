@@ -10,7 +10,7 @@ mod viewpoint;
 
 pub use depth_image::DepthImage;
 pub use max_range_returns::MaxRangeReturns;
-pub use viewpoint::{ViewpointSide, OrientedSample, ViewpointEstimates};
+pub use viewpoint::{OrientedSample, ViewpointEstimates, ViewpointSide};
 
 use rustc_hash::FxHashMap;
 

@@ -64,7 +64,8 @@ impl OrientedSample<'_> {
         let all: Vec<f64> = self.points.iter().map(|p| math::norm(ray(p))).collect();
         let Some(median) = median(all.clone()) else { return 0.0 };
         let side = (PIXEL * self.spacing / median).clamp(1e-8, 1.0);
-        let pixels: Vec<Pixel> = self.points.iter().map(|p| Pixel::from_direction(ray(p), side)).collect();
+        let pixels: Vec<Pixel> =
+            self.points.iter().map(|p| Pixel::from_direction(ray(p), side)).collect();
         for (&pixel, &distance) in pixels.iter().zip(&all) {
             record_nearest(nearest, pixel, distance);
         }
@@ -127,13 +128,17 @@ impl ViewpointEstimates {
         let mut all =
             par::map(places.len(), NearestDepths::default, |nearest, i| judged(nearest, places[i]));
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let better = par::map(all.len().min(REFINED_CANDIDATES), NearestDepths::default, |nearest, i| {
-            pattern_search(all[i], center, radius, |at| judged(nearest, at))
-        });
+        let better =
+            par::map(all.len().min(REFINED_CANDIDATES), NearestDepths::default, |nearest, i| {
+                pattern_search(all[i], center, radius, |at| judged(nearest, at))
+            });
         all.extend(better);
         all.sort_by(|a, b| a.1.total_cmp(&b.1));
         let best = |side| all.iter().find(|(at, _)| sight.side(*at, toward) == side).copied();
-        ViewpointEstimates { outside: best(ViewpointSide::Outside), inside: best(ViewpointSide::Inside) }
+        ViewpointEstimates {
+            outside: best(ViewpointSide::Outside),
+            inside: best(ViewpointSide::Inside),
+        }
     }
 }
 

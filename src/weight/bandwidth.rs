@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 ///
 /// Written as a number, `auto` or `auto:SHARE`; a number is a number in JSON too.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(into = "Written", try_from = "Written")]
+#[serde(into = "BandwidthRepr", try_from = "BandwidthRepr")]
 pub enum Bandwidth {
     /// β itself, 1e-12 to 1e12, in squared descriptor units.
     Fixed(f64),

@@ -151,7 +151,9 @@ impl WeightKernel for ResolvedComposite {
                         stack[top] = [weight; CHUNK];
                         top += 1;
                     }
-                    StackOperation::Times(factor) => stack[top - 1].iter_mut().for_each(|w| *w *= factor),
+                    StackOperation::Times(factor) => {
+                        stack[top - 1].iter_mut().for_each(|w| *w *= factor)
+                    }
                     StackOperation::Add | StackOperation::Multiply => {
                         top -= 1;
                         let (below, above) = stack.split_at_mut(top);

@@ -56,8 +56,10 @@ impl FromStr for Normalization {
 
     fn from_str(text: &str) -> Result<Self> {
         let unknown = || {
-            let rule =
-                format!("must be one of {} with N from 1 to {MAX_SINKHORN_ROUNDS}", Self::NAMES.join(", "));
+            let rule = format!(
+                "must be one of {} with N from 1 to {MAX_SINKHORN_ROUNDS}",
+                Self::NAMES.join(", ")
+            );
             Error::config("normalize", text, rule)
         };
         match text {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
 use cfreg::cloud::ViewpointSource;
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Pipeline, Consensus, Method, Register, Registration};
+use cfreg::method::{Consensus, Method, Pipeline, Register, Registration};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

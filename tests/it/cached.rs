@@ -1,7 +1,7 @@
 //! Clouds of many pairs: what is kept beside them changes no bit of an answer.
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Cache, Cached, Pipeline, Method, Register, Registration, Timings};
+use cfreg::method::{Cache, Cached, Method, Pipeline, Register, Registration, Timings};
 use cfreg::{PointCloud, Transform};
 use serde_json::{Value, json};
 

@@ -12,7 +12,7 @@ use cfreg::math::{self, Vec3};
 use cfreg::method::{Cfk, FeatureConfig, Method, Register, Registration, Timings};
 use cfreg::moments::FullConnection;
 use cfreg::normals::{self, Orientation};
-use cfreg::quality::{Warning, MIN_KEYPOINTS};
+use cfreg::quality::{MIN_KEYPOINTS, Warning};
 use cfreg::search::{Neighborhood, Neighbors};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, par};

@@ -3,7 +3,7 @@
 use cfreg::Transform;
 use cfreg::experiment::shape::boulder;
 use cfreg::math;
-use cfreg::method::{Cf, WeightBlock, Method, Register};
+use cfreg::method::{Cf, Method, Register, WeightBlock};
 use cfreg::weight::WeightScheme;
 
 #[test]
@@ -14,7 +14,8 @@ fn right_pairs_weigh_more_than_others() {
     for name in ["consensus", "cf", "cfk", "teaser"] {
         let method: Method = name.parse().unwrap();
         let found = method.weight_graph(&source, &target, &truth).unwrap().unwrap();
-        let WeightBlock { rows, weights, distances: apart, principal_feature: looks, .. } = &found.block;
+        let WeightBlock { rows, weights, distances: apart, principal_feature: looks, .. } =
+            &found.block;
         let n = rows.len();
         assert!(n > 20 && weights.len() == n * n && apart.len() == n && looks.len() == n);
         let mean = |on: bool| {
@@ -24,7 +25,10 @@ fn right_pairs_weigh_more_than_others() {
         };
         assert!(mean(true) > 2.0 * mean(false), "{name}: {} {}", mean(true), mean(false));
         assert!(found.links.windows(2).all(|two| two[0].weight >= two[1].weight));
-        assert_eq!((found.full, found.inlier_distance.is_none()), (name.starts_with("cf"), found.full));
+        assert_eq!(
+            (found.full, found.inlier_distance.is_none()),
+            (name.starts_with("cf"), found.full)
+        );
         for link in found.links.iter().filter(|_| !found.full) {
             let [p, q] =
                 [(0, link.source), (1, link.target)].map(|(k, i)| found.points[k][i as usize]);

@@ -6,7 +6,7 @@ use cfreg::cloud::ViewpointSource;
 use cfreg::experiment::benchmark::{self, Rule, Settings, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Pipeline, Consensus, Icp, Method, Metric, Refine, Register, Registration};
+use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Registration};
 use cfreg::quality::{Decision, Warning};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
@@ -269,7 +269,8 @@ fn a_refinement_that_stays_with_the_pose_stays_accepted() {
     // Pairs of any length draw it away, and it says so.
     let icp = Icp { max_distance: Some(1e3), ..icp.clone() };
     let first = Method::Consensus(Consensus::default());
-    let drawn = Pipeline::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
+    let drawn =
+        Pipeline::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
     let drawn = drawn.register(&source, &target).unwrap();
     assert!(degrees(&drawn.transform, &truth) > 5.0);
     let verdict = drawn.verdict.as_ref().unwrap();

@@ -6,7 +6,7 @@ use crate::common;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
-use cfreg::pose::{RotationBound, Prior};
+use cfreg::pose::{Prior, RotationBound};
 use cfreg::quality::Warning;
 use cfreg::{Error, PointCloud, Transform, math, quality};
 use common::compare::poses_differ_by;

@@ -5,7 +5,9 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Mat3, Vec3};
-use cfreg::method::{KernelCorrelation, Refine, Register, Registration, IterationRecord, StopReason};
+use cfreg::method::{
+    IterationRecord, KernelCorrelation, Refine, Register, Registration, StopReason,
+};
 use cfreg::quality::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform};
 use common::compare::poses_differ_by;
@@ -170,8 +172,9 @@ fn sigma_falls_as_configured() {
         for (level, steps) in levels.iter().enumerate() {
             let want = (sigma * factor.powi(level as i32)).max(last);
             assert!((steps[0].bandwidth.unwrap() / want - 1.0).abs() < 1e-12);
-            let settled =
-                |pair: &[IterationRecord]| pair[1].objective - pair[0].objective <= 1e-4 * pair[1].objective;
+            let settled = |pair: &[IterationRecord]| {
+                pair[1].objective - pair[0].objective <= 1e-4 * pair[1].objective
+            };
             // All steps but the last grew by more; the last did not, or was the last allowed.
             let (last, others) = steps.split_last().unwrap();
             assert!(!others.windows(2).any(settled), "{level}");

@@ -2,7 +2,7 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math;
-use cfreg::method::{Cf, Cfk, Pipeline, Method, Register};
+use cfreg::method::{Cf, Cfk, Method, Pipeline, Register};
 use cfreg::par::Interrupt;
 use cfreg::quality::pose_error;
 use cfreg::weight::{Composite, Gaussian, Normalization, WeightScheme};
@@ -142,7 +142,8 @@ fn methods_that_start_from_a_pose_say_when_they_end_in_a_wrong_one() {
 fn a_chain_refines_what_one_step_found() {
     let (source, target, truth) = pair(1500, 2.5);
     for refinement in ["icp", "plane-icp", "gicp", "kc", "cpd"] {
-        let chain = Pipeline::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
+        let chain =
+            Pipeline::new("cf".parse().unwrap(), vec![refinement.parse().unwrap()]).unwrap();
         let found = chain.register(&source, &target).unwrap();
         let error = |pose| pose_error(pose, &truth, source.centroid()).rotation_deg;
         let before = found.refined_from.as_ref().unwrap();

@@ -3,7 +3,7 @@
 use crate::common;
 
 use cfreg::experiment::shape::boulder;
-use cfreg::method::{Pipeline, Consensus, Icp, Method, Metric, Refine, Register, Teaser};
+use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Teaser};
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{PointCloud, Transform};

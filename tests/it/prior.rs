@@ -2,8 +2,8 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cf, Pipeline, Consensus, Method, Register};
-use cfreg::pose::{RotationBound, Prior, ScaleEstimate};
+use cfreg::method::{Cf, Consensus, Method, Pipeline, Register};
+use cfreg::pose::{Prior, RotationBound, ScaleEstimate};
 use cfreg::{Error, PointCloud, Transform};
 use serde_json::json;
 

@@ -4,7 +4,7 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Cf, FeatureConfig, Register, Registration, DescriptorScale};
+use cfreg::method::{Cf, DescriptorScale, FeatureConfig, Register, Registration};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, quality};
@@ -12,7 +12,8 @@ use common::compare;
 use proptest::prelude::*;
 
 fn cf() -> Cf {
-    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(60), ..FeatureConfig::default() };
+    let describe =
+        FeatureConfig { neighborhood: Neighborhood::Nearest(60), ..FeatureConfig::default() };
     Cf { features: describe, ..Cf::default() }
 }
 
@@ -222,7 +223,8 @@ fn clouds_without_common_surface_are_doubted() {
 #[test]
 fn more_neighbours_than_points_means_all_points() {
     let (source, target) = pair(0, 100);
-    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(5000), ..FeatureConfig::default() };
+    let describe =
+        FeatureConfig { neighborhood: Neighborhood::Nearest(5000), ..FeatureConfig::default() };
     let found = Cf { features: describe, ..Cf::default() }.register(&source, &target).unwrap();
     assert_eq!(found.points.source.neighbors, Some(100));
 }
@@ -293,8 +295,9 @@ fn settings_out_of_range_name_the_field() {
     };
     assert_eq!(field(Cf { beta: Some((-1.0).into()), ..cf() }), "beta");
     assert_eq!(field(Cf { weights: WeightScheme::StudentT(0.0), ..cf() }), "weights");
-    let describe = FeatureConfig { neighborhood: Neighborhood::Nearest(1), ..FeatureConfig::default() };
-    assert_eq!(field(Cf { features, ..Cf::default() }), "neighbors");
+    let describe =
+        FeatureConfig { neighborhood: Neighborhood::Nearest(1), ..FeatureConfig::default() };
+    assert_eq!(field(Cf { features: describe, ..Cf::default() }), "neighbors");
 }
 
 #[test]

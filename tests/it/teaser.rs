@@ -147,7 +147,8 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
             problem.source.transformed(&motion).unwrap(),
             problem.target.transformed(&motion).unwrap(),
         );
-        let solve = |a, b| exact().register_correspondences(a, b, &problem.pairs).unwrap().transform;
+        let solve =
+            |a, b| exact().register_correspondences(a, b, &problem.pairs).unwrap().transform;
         // The target moved: the pose moves with it. The source moved: it is undone first.
         let by_target = motion.inverse().after(&solve(&problem.source, &target));
         let by_source = solve(&source, &problem.target).after(&motion);
@@ -172,7 +173,8 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
     }
     let mut shuffled = problem.pairs.clone();
     shuffled.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
-    let found = exact().register_correspondences(&problem.source, &problem.target, &shuffled).unwrap();
+    let found =
+        exact().register_correspondences(&problem.source, &problem.target, &shuffled).unwrap();
     assert!(poses_differ_by(&found.transform, &still) < 1e-9);
 }
 

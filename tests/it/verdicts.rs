@@ -3,7 +3,7 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{Pipeline, Consensus, Icp, Method, Refine, Register};
+use cfreg::method::{Consensus, Icp, Method, Pipeline, Refine, Register};
 use cfreg::quality::{self, Decision, Warning};
 use cfreg::{PointCloud, Transform, filter};
 
@@ -197,7 +197,11 @@ fn a_ball_on_itself_is_not_accepted() {
         let chain = chain(name, &[]).with_verification(Consensus::default());
         let found = chain.register(&ball, &ball).unwrap();
         let verdict = found.verdict.as_ref().unwrap();
-        assert!(found.evaluation.chance_corrected_fitness() < 0.3, "{name}: {:?}", found.evaluation);
+        assert!(
+            found.evaluation.chance_corrected_fitness() < 0.3,
+            "{name}: {:?}",
+            found.evaluation
+        );
         assert_ne!(verdict.decision, Decision::Accept, "{name}: {verdict}");
         assert!(!found.trusted, "{name}");
     }

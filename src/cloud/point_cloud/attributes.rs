@@ -34,7 +34,8 @@ impl PointCloud {
         let mut cloud = Self::new(points)?;
         let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
         let kept: Vec<usize> = (0..points.len()).filter(finite).collect();
-        cloud.normals = normals.map(|normals| kept.iter().map(|&i| normalize_normal(normals[i])).collect());
+        cloud.normals =
+            normals.map(|normals| kept.iter().map(|&i| normalize_normal(normals[i])).collect());
         if let Some(channels) = channels {
             cloud.channels = channels.map(|values| kept.iter().map(|&i| values[i]).collect());
         }

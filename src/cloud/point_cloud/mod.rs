@@ -8,7 +8,7 @@ pub use attributes::Attributes;
 pub(crate) use attributes::{check_weights, normalize_normal};
 pub use parts::Parts;
 
-use self::origin::{DIGITS, MIN_OFFSET_FACTOR, exponent, to_local, round_origin};
+use self::origin::{DIGITS, MIN_OFFSET_FACTOR, exponent, round_origin, to_local};
 use crate::cloud::{Channels, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};

@@ -1,7 +1,7 @@
 //! A cloud taken apart and put together, to be kept elsewhere.
 
 use super::PointCloud;
-use super::attributes::{check_weights, check_row_count};
+use super::attributes::{check_row_count, check_weights};
 use crate::cloud::Channels;
 use crate::error::{Error, Result};
 use crate::math::Vec3;

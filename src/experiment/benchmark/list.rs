@@ -149,7 +149,9 @@ fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
             "" | "m" => 1.0,
             "cm" => 0.01,
             "mm" => 0.001,
-            other => return Err(row.wrong(format!("unit {}: must be m, cm or mm", quote_start(other)))),
+            other => {
+                return Err(row.wrong(format!("unit {}: must be m, cm or mm", quote_start(other))));
+            }
         };
         let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
         let pair = Pair {
@@ -178,7 +180,8 @@ fn numbers(
         let text = std::str::from_utf8(&bytes).map_err(|_| parse(path, *line, "is not text"))?;
         // A row of a pose has four, the line before it two or more.
         let words = text.split_whitespace().take(5).map(|word| {
-            word.parse().map_err(|_| parse(path, *line, format!("{} is no number", quote_start(word))))
+            word.parse()
+                .map_err(|_| parse(path, *line, format!("{} is no number", quote_start(word))))
         });
         let numbers = words.collect::<Result<Vec<f64>>>()?;
         if !numbers.is_empty() {

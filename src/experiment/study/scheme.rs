@@ -2,7 +2,7 @@
 
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
-use crate::method::{FeatureConfig, DescriptorScale};
+use crate::method::{DescriptorScale, FeatureConfig};
 use crate::moments::{FullConnection, Moments};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::io::content_error::{ContentError, MAX_HEADER_BYTES, truncate_message, quote_start};
+use crate::io::content_error::{ContentError, MAX_HEADER_BYTES, quote_start, truncate_message};
 
 /// The header as text, with what is needed to tell where it is wrong.
 #[derive(Default)]

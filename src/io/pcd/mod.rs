@@ -13,10 +13,10 @@ use std::io::{self, Write};
 use pcd_rs::{DataKind, PcdMeta, ValueKind};
 
 use self::header::PcdHeader;
-use super::columns::{ColumnMap, ColumnKind, Vertex};
-use super::differences::{Differences, truncate_name};
+use super::columns::{ColumnKind, ColumnMap, Vertex};
 use super::content_error::{ContentError, check_claim, max_memory};
-use super::layout::{FieldLayout, FieldData, is_single, write_binary};
+use super::differences::{Differences, truncate_name};
+use super::layout::{FieldData, FieldLayout, is_single, write_binary};
 use super::lines::Lines;
 use super::table::PointTable;
 use crate::cloud::{PointCloud, find_too_large};
@@ -47,7 +47,9 @@ pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
         (ValueKind::F32, Some(alpha)) if meta.data == DataKind::Ascii => {
             ColumnKind::PackedFloat { alpha }
         }
-        (ValueKind::F32 | ValueKind::U32 | ValueKind::I32, Some(alpha)) => ColumnKind::Packed { alpha },
+        (ValueKind::F32 | ValueKind::U32 | ValueKind::I32, Some(alpha)) => {
+            ColumnKind::Packed { alpha }
+        }
         _ => ColumnKind::Number,
     });
 

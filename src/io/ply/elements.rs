@@ -86,7 +86,11 @@ impl PlyBody<'_> {
     }
 
     /// The next element, of which `index` were read before.
-    pub(super) fn next<R: PlyRecord>(&mut self, element: &ElementDef, index: usize) -> Result<R, ContentError> {
+    pub(super) fn next<R: PlyRecord>(
+        &mut self,
+        element: &ElementDef,
+        index: usize,
+    ) -> Result<R, ContentError> {
         let ends = || format!("the file ends within {} {index} of {}", element.name, element.count);
         match self {
             PlyBody::Ascii(lines) => match lines.next() {
@@ -158,7 +162,9 @@ pub(super) fn is_scalar(kind: &PropertyType) -> bool {
 pub(super) fn kind(name: &str, property: &PropertyDef) -> ColumnKind {
     match (color(name), &property.data_type) {
         (Some(_), PropertyType::Scalar(ScalarType::UChar)) => ColumnKind::Color(ColorDepth::Eight),
-        (Some(_), PropertyType::Scalar(ScalarType::UShort)) => ColumnKind::Color(ColorDepth::Sixteen),
+        (Some(_), PropertyType::Scalar(ScalarType::UShort)) => {
+            ColumnKind::Color(ColorDepth::Sixteen)
+        }
         _ => ColumnKind::Number,
     }
 }

@@ -2,7 +2,7 @@
 
 use ply_rs_bw::ply::ElementDef;
 
-use super::elements::{PlyBody, Face};
+use super::elements::{Face, PlyBody};
 use crate::io::content_error::ContentError;
 
 /// The triangles of all faces: one of more than three corners is a fan about its first, one
@@ -33,7 +33,9 @@ pub(super) fn read_range_grid(
     let size = |name: &str| {
         let value =
             infos.iter().find_map(|info| info.trim().strip_prefix(name)?.trim().parse().ok());
-        value.ok_or_else(|| ContentError::new(format!("has a range grid but no obj_info {name} NUMBER")))
+        value.ok_or_else(|| {
+            ContentError::new(format!("has a range grid but no obj_info {name} NUMBER"))
+        })
     };
     let (columns, rows): (usize, usize) = (size("num_cols")?, size("num_rows")?);
     if columns.checked_mul(rows) != Some(element.count) {

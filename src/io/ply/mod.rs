@@ -17,9 +17,9 @@ use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyDef, PropertyType};
 
 use self::elements::PlyBody;
 use super::columns::{ColumnMap, Vertex};
+use super::content_error::{ContentError, MAX_HEADER_BYTES, quote_start, truncate_message};
 use super::differences::{Differences, truncate_name};
-use super::content_error::{ContentError, MAX_HEADER_BYTES, truncate_message, quote_start};
-use super::layout::{FieldLayout, FieldData, is_single, write_binary};
+use super::layout::{FieldData, FieldLayout, is_single, write_binary};
 use super::lines::Lines;
 use super::table::PointTable;
 use crate::cloud::{ColorDepth, PointCloud};
@@ -85,15 +85,20 @@ struct Vertices<'a> {
 impl<'a> Vertices<'a> {
     fn from_header(header: &'a Header) -> Result<Self, ContentError> {
         let element = header.elements.get("vertex");
-        let element = element.ok_or_else(|| ContentError::new("the header has no element vertex"))?;
+        let element =
+            element.ok_or_else(|| ContentError::new("the header has no element vertex"))?;
         let is_scalar = |property: &&PropertyDef| elements::is_scalar(&property.data_type);
         let scalars: Vec<&PropertyDef> = element.properties.values().filter(is_scalar).collect();
         let names = scalars.iter().map(|property| Some(property.name.as_str()));
         let columns = ColumnMap::from_names(names)
-            .map_err(|what| ContentError::new(format!("in the properties of element vertex, {what}")))?
+            .map_err(|what| {
+                ContentError::new(format!("in the properties of element vertex, {what}"))
+            })?
             .with_kinds(|name, column| elements::kind(name, scalars[column]));
-        let is_single =
-            columns.position_columns().iter().all(|&place| elements::is_single(&scalars[place].data_type));
+        let is_single = columns
+            .position_columns()
+            .iter()
+            .all(|&place| elements::is_single(&scalars[place].data_type));
         Ok(Vertices { element, columns, is_single })
     }
 
@@ -102,7 +107,9 @@ impl<'a> Vertices<'a> {
         let count = body.check_count(self.element)?;
         // Ascii may have more digits than its type.
         let mut table = match body {
-            PlyBody::Binary { .. } if self.is_single => PointTable::single_precision(count, &self.columns),
+            PlyBody::Binary { .. } if self.is_single => {
+                PointTable::single_precision(count, &self.columns)
+            }
             _ => PointTable::new(count, &self.columns),
         };
         if keeps_all {
@@ -164,9 +171,11 @@ fn parse_header(content: &[u8]) -> Result<(Header, PlyBody<'_>), ContentError> {
         .map_err(|error| header_error(&error, &text))?;
     let body = match header.encoding {
         Encoding::Ascii => PlyBody::Ascii(Lines::new(content, bytes, lines)),
-        encoding => {
-            PlyBody::Binary { content, at: bytes, big_endian: encoding == Encoding::BinaryBigEndian }
-        }
+        encoding => PlyBody::Binary {
+            content,
+            at: bytes,
+            big_endian: encoding == Encoding::BinaryBigEndian,
+        },
     };
     Ok((header, body))
 }
@@ -181,7 +190,10 @@ fn header_size(content: &[u8]) -> Result<(usize, usize), ContentError> {
         bytes += line.len();
         let line = String::from_utf8_lossy(line);
         if index == 0 && line.trim_end() != "ply" {
-            return Err(ContentError::line(1, format!("expected ply, found {}", quote_start(line.trim_end()))));
+            return Err(ContentError::line(
+                1,
+                format!("expected ply, found {}", quote_start(line.trim_end())),
+            ));
         }
         let mut words = line.split_whitespace();
         let is_new = match (words.next(), words.next(), words.last()) {

@@ -1,9 +1,9 @@
 //! How an answer stands: what speaks for it, how many poses came to it, how well it is held.
 
 use super::evidence::PoseEvidence;
-use super::scan::INLIER_DISTANCE;
 use super::refine;
-use super::{DUPLICATE_POSE, ConsensusSearch, mean_displacement, probe_points};
+use super::scan::INLIER_DISTANCE;
+use super::{ConsensusSearch, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::quality::PoseCovariance;
 
@@ -28,7 +28,8 @@ impl Confidence {
     /// pairs, 470 of which have nothing in common, with the sensors' places known and not
     /// (`python-ref/verdict.sh`).
     pub(super) fn log_odds(&self) -> f64 {
-        let (votes, spread) = ((self.supporting_hypotheses as f64).ln_1p(), self.translation_std.ln());
+        let (votes, spread) =
+            ((self.supporting_hypotheses as f64).ln_1p(), self.translation_std.ln());
         -2.67 + 0.70 * self.evidence.log_odds() + 1.43 * votes - 0.74 * spread
     }
 
@@ -51,14 +52,21 @@ impl ConsensusSearch<'_> {
             let variance: f64 = (3..6).map(|i| known.matrix[i][i]).sum();
             (variance.sqrt() / self.voxel_size).clamp(least, most)
         };
-        Confidence { evidence, supporting_hypotheses: self.count_supporting_hypotheses(pose), translation_std: covariance.map_or(most, shift) }
+        Confidence {
+            evidence,
+            supporting_hypotheses: self.count_supporting_hypotheses(pose),
+            translation_std: covariance.map_or(most, shift),
+        }
     }
 
     /// Settled poses that are `pose`.
     pub(super) fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
         let corners = probe_points(&self.trials[self.best_trial].surfaces[0]);
         let all = self.trials.iter().flat_map(|attempt| &attempt.candidates);
-        all.filter(|other| mean_displacement(&other.pose, pose, &corners) <= DUPLICATE_POSE * self.voxel_size).count()
+        all.filter(|other| {
+            mean_displacement(&other.pose, pose, &corners) <= DUPLICATE_POSE * self.voxel_size
+        })
+        .count()
     }
 
     /// How far `pose` may be off, if it is the right one.
@@ -74,8 +82,16 @@ mod tests {
 
     #[test]
     fn votes_and_a_firm_hold_make_an_answer_more_probable() {
-        let evidence = PoseEvidence { overlap: 0.3, descriptor_distinctiveness: 0.7, inlier_score: 9.0, free_space_violation: None };
-        let told = |votes, spread| Confidence { evidence, supporting_hypotheses: votes, translation_std: spread }.probability();
+        let evidence = PoseEvidence {
+            overlap: 0.3,
+            descriptor_distinctiveness: 0.7,
+            inlier_score: 9.0,
+            free_space_violation: None,
+        };
+        let told = |votes, spread| {
+            Confidence { evidence, supporting_hypotheses: votes, translation_std: spread }
+                .probability()
+        };
         assert!(told(11, 0.3) > 0.7 && told(1, 8.0) < 0.3, "{} {}", told(11, 0.3), told(1, 8.0));
         assert!(told(2, 0.3) > told(1, 0.3) && told(2, 0.1) > told(2, 0.3));
     }

@@ -51,12 +51,16 @@ impl PoseEvidence {
         let there = score_direction(source, target, pose, length, most);
         let back = score_direction(target, source, &pose.inverse(), length, most);
         let share = |part: f64, whole: usize| part / whole.max(1) as f64;
-        let contradicted = |sums: DirectionScore| share(sums.violating_points as f64, sums.observed_points);
+        let contradicted =
+            |sums: DirectionScore| share(sums.violating_points as f64, sums.observed_points);
         let known = source.depth_image.is_some() && target.depth_image.is_some();
         PoseEvidence {
             // Unit vectors are so to rounding alone.
-            overlap: share(there.overlap_sum, there.points).max(share(back.overlap_sum, back.points)).min(1.0),
-            descriptor_distinctiveness: share(there.distinctiveness_sum, there.points) + share(back.distinctiveness_sum, back.points),
+            overlap: share(there.overlap_sum, there.points)
+                .max(share(back.overlap_sum, back.points))
+                .min(1.0),
+            descriptor_distinctiveness: share(there.distinctiveness_sum, there.points)
+                + share(back.distinctiveness_sum, back.points),
             inlier_score: matches.inlier_score(pose),
             free_space_violation: known.then(|| contradicted(there) + contradicted(back)),
         }
@@ -84,7 +88,13 @@ impl PoseEvidence {
 }
 
 /// `from` under `pose`, on and in front of `onto`.
-fn score_direction(from: &Surface, onto: &Surface, pose: &Transform, length: f64, most: usize) -> DirectionScore {
+fn score_direction(
+    from: &Surface,
+    onto: &Surface,
+    pose: &Transform,
+    length: f64,
+    most: usize,
+) -> DirectionScore {
     let step = from.len().div_ceil(most).max(1);
     let reach = INLIER_DISTANCE * length;
     let mut sums = DirectionScore::default();
@@ -106,7 +116,8 @@ fn score_direction(from: &Surface, onto: &Surface, pose: &Transform, length: f64
             continue;
         }
         let off = math::dot(normal, math::sub(place, onto.point(j))) / (0.75 * reach);
-        let lying = (1.0 - off * off).max(0.0) * (facing - MIN_NORMAL_COSINE) / (1.0 - MIN_NORMAL_COSINE);
+        let lying =
+            (1.0 - off * off).max(0.0) * (facing - MIN_NORMAL_COSINE) / (1.0 - MIN_NORMAL_COSINE);
         sums.overlap_sum += lying;
         sums.distinctiveness_sum += lying * descriptor_distinctiveness(from, onto, i, j);
     }

@@ -43,7 +43,8 @@ impl<'a> FilteredCloud<'a> {
     /// returns lie about.
     pub(super) fn new(whole: Cached<'a>, limited: bool, keep_no_returns: bool) -> Result<Self> {
         let key = FilterKey { limited, keep_no_returns };
-        let part = whole.get(key, || FilteredPoints::new(whole.cloud, limited, keep_no_returns))?;
+        let part = whole
+            .get_or_compute(key, || FilteredPoints::new(whole.cloud, limited, keep_no_returns))?;
         Ok(FilteredCloud { cloud: whole.cloud, filtered: part })
     }
 
@@ -69,7 +70,7 @@ impl<'a> FilteredCloud<'a> {
     /// [`filter::voxel_side`] of so many points.
     pub(super) fn voxel_size_for(&self, points: usize) -> Result<f64> {
         let side = || filter::voxel_size_for(self.cloud(), points);
-        self.cached().get(VoxelSizeKey(points), side).map(|side| *side)
+        self.cached().get_or_compute(VoxelSizeKey(points), side).map(|side| *side)
     }
 
     /// What is at least `nearest` away from the sensor at `place`.
@@ -78,7 +79,12 @@ impl<'a> FilteredCloud<'a> {
         let far = |&i: &usize| math::norm(math::sub(cloud.position(i), place)) >= nearest;
         let far: Vec<usize> = (0..cloud.len()).filter(far).collect();
         let cloud = Some(cloud.select(&far));
-        let part = FilteredPoints { cloud, range_limit: self.filtered.range_limit, min_range: nearest, cache: Cache::default() };
+        let part = FilteredPoints {
+            cloud,
+            range_limit: self.filtered.range_limit,
+            min_range: nearest,
+            cache: Cache::default(),
+        };
         FilteredCloud { cloud: self.cloud, filtered: part.into() }
     }
 }
@@ -103,6 +109,11 @@ impl FilteredPoints {
                 .or_else(|| MaxRangeReturns::detect(returns)),
         };
         let within = limit.as_ref().map(|limit| limit.remove_from(cloud));
-        Ok(FilteredPoints { cloud: within.or(clean), range_limit: limit, min_range: 0.0, cache: Cache::default() })
+        Ok(FilteredPoints {
+            cloud: within.or(clean),
+            range_limit: limit,
+            min_range: 0.0,
+            cache: Cache::default(),
+        })
     }
 }

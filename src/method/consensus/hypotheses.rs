@@ -56,7 +56,8 @@ impl Correspondences {
     }
 
     fn compatibility_graph(&self) -> CompatibilityGraph {
-        let (near, reach) = (MIN_PAIR_LENGTH * self.voxel_size as f32, self.inlier_distance() as f32);
+        let (near, reach) =
+            (MIN_PAIR_LENGTH * self.voxel_size as f32, self.inlier_distance() as f32);
         CompatibilityGraph::new(self.len(), |i, j| {
             let a = math::norm(math::sub(self.source[i], self.source[j]));
             let b = math::norm(math::sub(self.target[i], self.target[j]));
@@ -116,7 +117,12 @@ impl Correspondences {
     pub(super) fn generate_hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
         let graph = self.compatibility_graph();
         let common = |i: usize, j: usize| -> usize {
-            graph.adjacency_row(i).iter().zip(graph.adjacency_row(j)).map(|(a, b)| (a & b).count_ones() as usize).sum()
+            graph
+                .adjacency_row(i)
+                .iter()
+                .zip(graph.adjacency_row(j))
+                .map(|(a, b)| (a & b).count_ones() as usize)
+                .sum()
         };
         let strength = par::map(
             self.len(),
@@ -149,7 +155,8 @@ impl Correspondences {
             tried += some.len();
             let solved = par::map(some.len(), || (), |_, k| solve(some[k]));
             // Two matches agree with some pose always.
-            for hypothesis in solved.into_iter().flatten().filter(|found| found.inlier_score >= 2.0) {
+            for hypothesis in solved.into_iter().flatten().filter(|found| found.inlier_score >= 2.0)
+            {
                 for (k, explained) in explained.iter_mut().enumerate() {
                     *explained |= self.squared_residual(&hypothesis.pose, k) < square;
                 }
@@ -159,7 +166,9 @@ impl Correspondences {
         if found.is_empty() {
             // No two agree: all of them have a pose still, to be judged for what it is.
             let all = self.solve((0..self.len()).map(|k| (k, 1.0)), prior);
-            found.extend(all.map(|pose| Hypothesis { pose, inlier_score: self.inlier_score(&pose) }));
+            found.extend(
+                all.map(|pose| Hypothesis { pose, inlier_score: self.inlier_score(&pose) }),
+            );
         }
         found.sort_by(|a, b| b.inlier_score.total_cmp(&a.inlier_score));
         found

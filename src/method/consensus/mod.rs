@@ -1,27 +1,27 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
-mod result;
-mod trial;
-mod scored_pose;
-mod weight_graph;
+mod confidence;
 mod evidence;
-mod viewpoint_sample;
+mod filtered_cloud;
 mod hypotheses;
-mod verify;
+mod refine;
+mod result;
 mod scale_mismatch;
 mod scan;
-mod refine;
-mod confidence;
-mod filtered_cloud;
+mod scored_pose;
+mod trial;
+mod verify;
+mod viewpoint_sample;
+mod weight_graph;
 
 use serde::{Deserialize, Serialize};
 
-use self::trial::{ViewpointTrial, LocalScoredPose};
-pub use self::scored_pose::ScoredPose;
 use self::evidence::PoseEvidence;
-use self::scan::{INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis};
-use self::refine::{RefineOptions, Refined, refine};
 use self::filtered_cloud::FilteredCloud;
+use self::refine::{RefineOptions, Refined, refine};
+use self::scan::{INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis};
+pub use self::scored_pose::ScoredPose;
+use self::trial::{LocalScoredPose, ViewpointTrial};
 use super::registration::Timings;
 use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -114,9 +114,11 @@ impl Default for Consensus {
 /// Points that a cloud is thinned to.
 pub(super) const DOWNSAMPLED_POINTS: usize = 5000;
 /// How they are settled, and by as many points they are judged then.
-const COARSE_REFINEMENT: RefineOptions = RefineOptions { max_points: 1000, max_iterations: 12, tolerance: 0.01 };
+const COARSE_REFINEMENT: RefineOptions =
+    RefineOptions { max_points: 1000, max_iterations: 12, tolerance: 0.01 };
 /// How the answer is settled: to where its own errors are larger than those of the last step.
-const FINE_REFINEMENT: RefineOptions = RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
+const FINE_REFINEMENT: RefineOptions =
+    RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
 /// Poses that move points apart by less than this, in lengths, are one.
 const DUPLICATE_POSE: f64 = 3.0;
 /// And from this on a runner-up is another answer.
@@ -162,7 +164,8 @@ impl Consensus {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
         }
-        let [source, target] = par::join_pair(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
+        let [source, target] =
+            par::join_pair(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
             // All points in one place.
@@ -219,7 +222,8 @@ impl Consensus {
             par::join_pair(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
         })?;
         let ends = || scans.each_ref();
-        let sensors = times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
+        let sensors =
+            times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
         let attempts = config.run_trials(&scans, sensors, length, times)?;
         let odds = |attempt: &ViewpointTrial| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
@@ -233,10 +237,25 @@ impl Consensus {
             return Err(Error::NO_WEIGHT);
         };
         let ends = at.surface_refs();
-        let settled =
-            times.time("refine", || refine(ends, &first.pose, INLIER_DISTANCE * length, FINE_REFINEMENT, &self.prior));
-        let evidence = PoseEvidence::compute(ends, &at.correspondences, &settled.pose, COARSE_REFINEMENT.max_points);
-        Ok(ConsensusSearch { config, voxel_size: length, scans, known_viewpoints: sensors, trials: attempts, best_trial: best, refined: settled, evidence })
+        let settled = times.time("refine", || {
+            refine(ends, &first.pose, INLIER_DISTANCE * length, FINE_REFINEMENT, &self.prior)
+        });
+        let evidence = PoseEvidence::compute(
+            ends,
+            &at.correspondences,
+            &settled.pose,
+            COARSE_REFINEMENT.max_points,
+        );
+        Ok(ConsensusSearch {
+            config,
+            voxel_size: length,
+            scans,
+            known_viewpoints: sensors,
+            trials: attempts,
+            best_trial: best,
+            refined: settled,
+            evidence,
+        })
     }
 }
 
@@ -265,7 +284,8 @@ impl ConsensusSearch<'_> {
         if off > self.voxel_size {
             return self;
         }
-        let far = [self.scans[0].remove_ego_vehicle(source), self.scans[1].remove_ego_vehicle(target)];
+        let far =
+            [self.scans[0].remove_ego_vehicle(source), self.scans[1].remove_ego_vehicle(target)];
         self.config.search_filtered(far, times).unwrap_or(self)
     }
 }

@@ -7,7 +7,7 @@ use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Vec3};
 use crate::moments::Moments;
 use crate::pose::Prior;
-use crate::quality::{SurfacePair, PoseCovariance};
+use crate::quality::{PoseCovariance, SurfacePair};
 
 /// Cosine of the angle between normals above which points are paired, whichever way they face.
 const MIN_NORMAL_COSINE: f64 = 0.7;
@@ -52,7 +52,8 @@ pub(super) fn refine(
     let mut settled = Refined { pose: *start, moments: none, iterations: 0 };
     for step in 0..steps {
         let reach = if (step as usize) < WIDE_ITERATIONS { 2.0 * reach } else { reach };
-        let mut system = RefinementSystem { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], length_scale: reach };
+        let mut system =
+            RefinementSystem { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], length_scale: reach };
         let (mut moments, mut pairs) = (none, 0);
         for (i, j, contact) in surface_pairs([source, target], &settled.pose, reach, stride) {
             let SurfacePair { weight, point: place, residual: offset, .. } = contact;
@@ -148,12 +149,13 @@ impl RefinementSystem {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scan::{Scan, ViewpointHypothesis};
     use super::super::filtered_cloud::FilteredCloud;
+    use super::super::scan::{Scan, ViewpointHypothesis};
     use super::*;
     use crate::cloud::PointCloud;
 
-    const FULL_REFINEMENT: RefineOptions = RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
+    const FULL_REFINEMENT: RefineOptions =
+        RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
 
     #[test]
     fn a_pose_near_the_surfaces_settles_on_them() {

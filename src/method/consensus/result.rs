@@ -3,7 +3,7 @@
 use super::scan::{Scan, Surface};
 use super::{ConsensusSearch, to_cloud_frames};
 use crate::error::Result;
-use crate::method::registration::{CloudCounts, SolvedPose, PointCounts, Timings};
+use crate::method::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
 use crate::method::{Method, Registration, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
 

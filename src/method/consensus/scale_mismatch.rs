@@ -3,8 +3,8 @@
 use super::COARSE_REFINEMENT;
 use super::ConsensusSearch;
 use super::evidence::PoseEvidence;
-use super::scan::{INLIER_DISTANCE, Surface};
 use super::refine::surface_pairs;
+use super::scan::{INLIER_DISTANCE, Surface};
 use crate::cloud::Transform;
 use crate::math::cholesky;
 use crate::math::{self, Vec3};
@@ -33,12 +33,23 @@ pub(super) struct ScaleMismatch {
 
 impl ConsensusSearch<'_> {
     /// The scale that the surfaces settle on from `pose` if they may, where that is another.
-    pub(super) fn find_scale_mismatch(&self, pose: &Transform, evidence: &PoseEvidence) -> Option<ScaleMismatch> {
+    pub(super) fn find_scale_mismatch(
+        &self,
+        pose: &Transform,
+        evidence: &PoseEvidence,
+    ) -> Option<ScaleMismatch> {
         let best = &self.trials[self.best_trial];
         let ends = best.surface_refs();
         let scaled = refine_with_scale(ends, pose, INLIER_DISTANCE * self.voxel_size)?;
-        let overlap = PoseEvidence::compute(ends, &best.correspondences, &scaled, COARSE_REFINEMENT.max_points).overlap;
-        let other = (scaled.scale - 1.0).abs() > MIN_SCALE_CHANGE && overlap > evidence.overlap + MIN_OVERLAP_GAIN;
+        let overlap = PoseEvidence::compute(
+            ends,
+            &best.correspondences,
+            &scaled,
+            COARSE_REFINEMENT.max_points,
+        )
+        .overlap;
+        let other = (scaled.scale - 1.0).abs() > MIN_SCALE_CHANGE
+            && overlap > evidence.overlap + MIN_OVERLAP_GAIN;
         other.then_some(ScaleMismatch { scale: scaled.scale, overlap })
     }
 }

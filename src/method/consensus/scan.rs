@@ -3,18 +3,20 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::viewpoint_sample::ViewpointSample;
 use super::filtered_cloud::FilteredCloud;
+use super::viewpoint_sample::ViewpointSample;
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
 use crate::method::cache::{Cache, HeapSize};
-use crate::method::channels::{Channel, DescriptorsWithChannels, concatenate_scaled_channels, channel_values};
+use crate::method::channels::{
+    Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
+};
 use crate::moments::FeatureView;
 use crate::normals::{self, Orientation, OrientedBy};
-use crate::search::{Neighbor, Neighborhood, Neighbors, SearchTree, OccupancyGrid};
+use crate::search::{Neighbor, Neighborhood, Neighbors, OccupancyGrid, SearchTree};
 use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 
 /// Distance within which surfaces lie on each other, in lengths.
@@ -102,7 +104,8 @@ impl<'a> Scan<'a> {
         name: &str,
     ) -> Result<Self> {
         let make = || DownsampledScan::new(whole.cloud(), length, channels, name);
-        let thin = whole.cached().get(DownsampledKey(length, channels.to_vec()), make)?;
+        let thin =
+            whole.cached().get_or_compute(DownsampledKey(length, channels.to_vec()), make)?;
         Ok(Scan { filtered: whole, downsampled: thin })
     }
 
@@ -127,14 +130,18 @@ impl<'a> Scan<'a> {
         let origin = whole.frame_origin();
         let local = math::sub(origin, self.downsampled.cloud.origin());
         let against = self.downsampled.viewpoint_sample()?.oriented_sample().visibility_cost(local);
-        Ok((against < MAX_ORIGIN_COST).then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
+        Ok((against < MAX_ORIGIN_COST)
+            .then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
     }
 
     /// The places from which it may have been seen, by its shape alone.
     pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
-        let guesses = self.downsampled.cache.get(EstimatedViewpointsKey, || {
+        let guesses = self.downsampled.cache.get_or_compute(EstimatedViewpointsKey, || {
             let glance = self.downsampled.viewpoint_sample()?;
-            Ok(CachedViewpoints(ViewpointEstimates::compute(glance.oriented_sample(), &glance.neighborhood_offsets)))
+            Ok(CachedViewpoints(ViewpointEstimates::compute(
+                glance.oriented_sample(),
+                &glance.neighborhood_offsets,
+            )))
         })?;
         let ViewpointEstimates { outside, inside } = guesses.0;
         Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
@@ -143,7 +150,7 @@ impl<'a> Scan<'a> {
     /// The scan seen from `view`, described.
     pub(super) fn surface(&self, view: ViewpointHypothesis) -> Result<Arc<Surface>> {
         let seen = self.depth_image(view)?;
-        self.downsampled.cache.get(view, || self.downsampled.compute_surface(view, seen))
+        self.downsampled.cache.get_or_compute(view, || self.downsampled.compute_surface(view, seen))
     }
 
     /// What the sensor saw from the place that `view` gives it or, where that gives none, from
@@ -151,15 +158,21 @@ impl<'a> Scan<'a> {
     fn depth_image(&self, view: ViewpointHypothesis) -> Result<Option<Arc<DepthImage>>> {
         let at = match (view, self.filtered.range_limit()) {
             (ViewpointHypothesis::Known(at, _), _) => at,
-            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, Some(limit)) => limit.viewpoint,
-            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, None) => return Ok(None),
+            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, Some(limit)) => {
+                limit.viewpoint
+            }
+            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, None) => {
+                return Ok(None);
+            }
         };
         let (origin, length) = (self.downsampled.cloud.origin(), self.downsampled.voxel_size);
         let image = || {
             let local = self.filtered.cloud().positions().map(|p| math::sub(p, origin));
-            Ok(CachedDepthImage(DepthImage::new(local, math::sub(at, origin), length).map(Arc::new)))
+            Ok(CachedDepthImage(
+                DepthImage::new(local, math::sub(at, origin), length).map(Arc::new),
+            ))
         };
-        self.downsampled.cache.get(DepthImageKey(at), image).map(|seen| seen.0.clone())
+        self.downsampled.cache.get_or_compute(DepthImageKey(at), image).map(|seen| seen.0.clone())
     }
 
     /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
@@ -223,9 +236,19 @@ impl DownsampledScan {
         let channels = values.into_iter().map(<[f32]>::to_vec).collect();
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
-        let neighbors = Neighbors::find(thin.points(), Neighborhood::Nearest(DESCRIPTOR_NEIGHBORS))?;
+        let neighbors =
+            Neighbors::find(thin.points(), Neighborhood::Nearest(DESCRIPTOR_NEIGHBORS))?;
         let (glance, cache) = (OnceLock::new(), Cache::default());
-        Ok(DownsampledScan { cloud: thin, weights, channels, neighbors, normals, voxel_size: length, viewpoint_sample: glance, cache })
+        Ok(DownsampledScan {
+            cloud: thin,
+            weights,
+            channels,
+            neighbors,
+            normals,
+            voxel_size: length,
+            viewpoint_sample: glance,
+            cache,
+        })
     }
 
     /// Some of the points, found when they are first asked for.
@@ -238,7 +261,11 @@ impl DownsampledScan {
     }
 
     /// Seen from `view`, described; the sensor has `seen` that.
-    fn compute_surface(&self, view: ViewpointHypothesis, seen: Option<Arc<DepthImage>>) -> Result<Surface> {
+    fn compute_surface(
+        &self,
+        view: ViewpointHypothesis,
+        seen: Option<Arc<DepthImage>>,
+    ) -> Result<Surface> {
         let (points, origin) = (self.cloud.points(), self.cloud.origin());
         let sight = OrientedSample { points, normals: &self.normals, spacing: self.voxel_size };
         let (normals, oriented_by) = match view {
@@ -311,13 +338,17 @@ impl Surface {
     }
 
     /// Puts the values of `channels` beside the descriptors of both.
-    pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
+    pub(super) fn append_channels(
+        sides: &mut [Arc<Surface>; 2],
+        channels: &[Channel],
+    ) -> Result<()> {
         if channels.is_empty() {
             return Ok(());
         }
-        let compared = sides
-            .each_ref()
-            .map(|side| DescriptorsWithChannels { descriptors: &side.descriptors, channels: &side.channels });
+        let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
+            descriptors: &side.descriptors,
+            channels: &side.channels,
+        });
         let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
             // How much a channel counts follows from both: the one that is kept stays as it is.

@@ -1,7 +1,7 @@
 //! Every pose that was weighed before the answer, with its evidence: what the verdict is fitted on.
 
-use super::evidence::PoseEvidence;
 use super::confidence::Confidence;
+use super::evidence::PoseEvidence;
 use super::{Consensus, to_cloud_frames};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
@@ -32,14 +32,34 @@ pub struct ScoredPose {
 
 impl ScoredPose {
     fn from_evidence(transform: Transform, evidence: &PoseEvidence) -> ScoredPose {
-        let PoseEvidence { overlap, descriptor_distinctiveness: likeness, inlier_score: support, free_space_violation: contradicted } = *evidence;
+        let PoseEvidence {
+            overlap,
+            descriptor_distinctiveness: likeness,
+            inlier_score: support,
+            free_space_violation: contradicted,
+        } = *evidence;
         let (votes, spread, answer) = (None, None, false);
-        ScoredPose { transform, overlap, descriptor_distinctiveness: likeness, inlier_score: support, free_space_violation: contradicted, supporting_hypotheses: votes, translation_std: spread, is_best: answer }
+        ScoredPose {
+            transform,
+            overlap,
+            descriptor_distinctiveness: likeness,
+            inlier_score: support,
+            free_space_violation: contradicted,
+            supporting_hypotheses: votes,
+            translation_std: spread,
+            is_best: answer,
+        }
     }
 
     fn from_confidence(transform: Transform, standing: &Confidence) -> ScoredPose {
-        let (votes, spread) = (Some(standing.supporting_hypotheses), Some(standing.translation_std));
-        ScoredPose { supporting_hypotheses: votes, translation_std: spread, is_best: true, ..ScoredPose::from_evidence(transform, &standing.evidence) }
+        let (votes, spread) =
+            (Some(standing.supporting_hypotheses), Some(standing.translation_std));
+        ScoredPose {
+            supporting_hypotheses: votes,
+            translation_std: spread,
+            is_best: true,
+            ..ScoredPose::from_evidence(transform, &standing.evidence)
+        }
     }
 }
 
@@ -49,14 +69,21 @@ impl Consensus {
     ///
     /// # Errors
     /// Those of `register`.
-    pub fn scored_poses(&self, source: &PointCloud, target: &PointCloud) -> Result<Vec<ScoredPose>> {
+    pub fn scored_poses(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+    ) -> Result<Vec<ScoredPose>> {
         par::with_threads(self.threads, || {
             let search = self.search(source.into(), target.into(), &mut Timings::default())?;
             let mut judged = Vec::new();
             for attempt in &search.trials {
                 let [from, onto] = &attempt.surfaces;
                 judged.extend(attempt.candidates.iter().map(|candidate| {
-                    ScoredPose::from_evidence(to_cloud_frames(&candidate.pose, from, onto), &candidate.evidence)
+                    ScoredPose::from_evidence(
+                        to_cloud_frames(&candidate.pose, from, onto),
+                        &candidate.evidence,
+                    )
                 }));
             }
             let [from, onto] = &search.trials[search.best_trial].surfaces;

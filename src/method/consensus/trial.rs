@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use super::evidence::PoseEvidence;
 use super::hypotheses::Correspondences;
-use super::scan::{INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis, squared_descriptor_distance};
 use super::refine::refine;
-use super::{Consensus, COARSE_REFINEMENT, DUPLICATE_POSE, mean_displacement, probe_points};
+use super::scan::{
+    INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis, squared_descriptor_distance,
+};
+use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::method::registration::Timings;
@@ -69,8 +71,9 @@ impl Consensus {
         if attempt([ViewpointHypothesis::Outward; 2], times)? {
             return Ok(attempts);
         }
-        let [source, target] =
-            times.time("viewpoints", || par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints()))?;
+        let [source, target] = times.time("viewpoints", || {
+            par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints())
+        })?;
         for (source, target) in source.into_iter().zip(target) {
             if let (Some(source), Some(target)) = (source, target)
                 && attempt([source, target], times)?
@@ -98,7 +101,8 @@ impl Consensus {
         if !self.channels.is_empty() {
             let bare = times.time("matches", || match_features(&surfaces, length))?;
             found = times.time("hypotheses", || find(&bare));
-            times.time("descriptors", || Surface::append_channels(&mut surfaces, &self.channels))?;
+            times
+                .time("descriptors", || Surface::append_channels(&mut surfaces, &self.channels))?;
         }
         let matches = times.time("matches", || match_features(&surfaces, length))?;
         found.extend(times.time("hypotheses", || find(&matches)));
@@ -106,7 +110,9 @@ impl Consensus {
         let corners = probe_points(&source);
         let mut distinct: Vec<Transform> = Vec::new();
         for hypothesis in found {
-            let new = |pose: &Transform| mean_displacement(pose, &hypothesis.pose, &corners) > DUPLICATE_POSE * length;
+            let new = |pose: &Transform| {
+                mean_displacement(pose, &hypothesis.pose, &corners) > DUPLICATE_POSE * length
+            };
             if distinct.iter().all(new) {
                 distinct.push(hypothesis.pose);
             }
@@ -129,7 +135,14 @@ impl Consensus {
                 || (),
                 |_, i| {
                     judged(
-                        refine(ends, &best[i].pose, INLIER_DISTANCE * length, COARSE_REFINEMENT, &self.prior).pose,
+                        refine(
+                            ends,
+                            &best[i].pose,
+                            INLIER_DISTANCE * length,
+                            COARSE_REFINEMENT,
+                            &self.prior,
+                        )
+                        .pose,
                         COARSE_REFINEMENT.max_points,
                     )
                 },

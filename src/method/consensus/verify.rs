@@ -1,11 +1,12 @@
 //! The verdict on a pose, whoever found it, beside all poses that were tried.
 
-use super::evidence::PoseEvidence;
-use super::scan::INLIER_DISTANCE;
-use super::refine::refine;
 use super::confidence::Confidence;
+use super::evidence::PoseEvidence;
+use super::refine::refine;
+use super::scan::INLIER_DISTANCE;
 use super::{
-    FINE_REFINEMENT, LocalScoredPose, Consensus, COARSE_REFINEMENT, MAX_REFINE_SHIFT, DISTINCT_POSE, ConsensusSearch, mean_displacement, probe_points, to_cloud_frames, to_local_frames,
+    COARSE_REFINEMENT, Consensus, ConsensusSearch, DISTINCT_POSE, FINE_REFINEMENT, LocalScoredPose,
+    MAX_REFINE_SHIFT, mean_displacement, probe_points, to_cloud_frames, to_local_frames,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -82,7 +83,14 @@ impl ConsensusSearch<'_> {
         let (ends, matches) = (best.surface_refs(), &best.correspondences);
         let corners = probe_points(ends[0]);
         let pose = to_local_frames(pose, ends[0], ends[1]);
-        let settled = refine(ends, &pose, INLIER_DISTANCE * self.voxel_size, FINE_REFINEMENT, &self.config.prior).pose;
+        let settled = refine(
+            ends,
+            &pose,
+            INLIER_DISTANCE * self.voxel_size,
+            FINE_REFINEMENT,
+            &self.config.prior,
+        )
+        .pose;
         let away = mean_displacement(&settled, &pose, &corners);
         let held = if away <= MAX_REFINE_SHIFT * self.voxel_size { settled } else { pose };
         let evidence = PoseEvidence::compute(ends, matches, &held, COARSE_REFINEMENT.max_points);
@@ -107,9 +115,15 @@ impl ConsensusSearch<'_> {
                 "{:.0} % of a surface lies on the other and faces alike",
                 100.0 * evidence.overlap
             ),
-            format!("surfaces that lie on each other look alike by {:.2} nats", evidence.descriptor_distinctiveness),
+            format!(
+                "surfaces that lie on each other look alike by {:.2} nats",
+                evidence.descriptor_distinctiveness
+            ),
             format!("{:.1} matches agree", evidence.inlier_score),
-            format!("{} of the poses that were settled are this one", standing.supporting_hypotheses),
+            format!(
+                "{} of the poses that were settled are this one",
+                standing.supporting_hypotheses
+            ),
         ];
         if let Some(share) = evidence.free_space_violation {
             let percent = 100.0 * share;
@@ -153,11 +167,17 @@ impl ConsensusSearch<'_> {
         let answer = LocalScoredPose { pose: self.refined.pose, evidence: self.evidence };
         let all = self.trials.iter().flat_map(|attempt| &attempt.candidates);
         all.chain([&answer])
-            .filter(|other| mean_displacement(&other.pose, pose, &corners) > DISTINCT_POSE * self.voxel_size)
+            .filter(|other| {
+                mean_displacement(&other.pose, pose, &corners) > DISTINCT_POSE * self.voxel_size
+            })
             .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
             .map(|other| {
                 let votes = self.count_supporting_hypotheses(&other.pose);
-                let standing = Confidence { evidence: other.evidence, supporting_hypotheses: votes, ..*standing };
+                let standing = Confidence {
+                    evidence: other.evidence,
+                    supporting_hypotheses: votes,
+                    ..*standing
+                };
                 RunnerUp {
                     transform: to_cloud_frames(&other.pose, from, onto),
                     probability: standing.probability(),

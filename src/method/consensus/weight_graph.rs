@@ -3,8 +3,8 @@
 use super::{Consensus, to_local_frames};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
-use crate::method::weight_graph::WeightGraph;
 use crate::method::registration::Timings;
+use crate::method::weight_graph::WeightGraph;
 use crate::par;
 
 impl Consensus {
@@ -23,7 +23,13 @@ impl Consensus {
             let seen = to_local_frames(pose, from, onto);
             let agreement = attempt.correspondences.inlier_weights(&seen);
             let reach = attempt.correspondences.inlier_distance();
-            WeightGraph::from_correspondences(ends, &attempt.correspondences.pairs, agreement, reach, pose)
+            WeightGraph::from_correspondences(
+                ends,
+                &attempt.correspondences.pairs,
+                agreement,
+                reach,
+                pose,
+            )
         })?
     }
 }

@@ -53,7 +53,8 @@ impl<'a> SourceMixture<'a> {
 
     /// Responsibilities at `pose` with `sigma` in the target's radii.
     pub(super) fn e_step(&self, pose: &Transform, sigma: f64) -> Result<EStepResult> {
-        let reach = self.max_squared_distance_gap(sigma).filter(|&reach| reach.sqrt() <= MAX_SEARCH_RADIUS);
+        let reach =
+            self.max_squared_distance_gap(sigma).filter(|&reach| reach.sqrt() <= MAX_SEARCH_RADIUS);
         if reach.is_none()
             && let Some(expectation) = self.e_step_dense(pose, sigma)?
         {

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use self::expectation::{EStepResult, SourceMixture};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
-use super::{Method, Refine, IterationRecord, StopReason};
+use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
+use super::{IterationRecord, Method, Refine, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -126,12 +126,14 @@ impl Cpd {
         self.validate()?;
         let (source, target) = (&*source.with_positive_weights(), &*target.with_positive_weights());
         let mut times = Timings::default();
-        let positions = times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
+        let positions =
+            times.time("prepare", || PositionProblem::new(source.into(), target.into()))?;
         let unit = positions.rms_radius();
         let floor = if self.truncation > 0.0 { SIGMA_FLOOR } else { EXACT_SIGMA_FLOOR };
         let first = self.sigma.unwrap_or_else(|| initial_sigma(source, target, initial));
         let mut sigma = (first / unit).max(floor);
-        let mixture = SourceMixture::new(&positions, source, target, self.outliers, self.truncation);
+        let mixture =
+            SourceMixture::new(&positions, source, target, self.outliers, self.truncation);
         let (mut pose, mut objective, mut iteration) = (*initial, f64::INFINITY, 0);
         let mut trace = Vec::new();
         let (solution, expectation, stop) = loop {
@@ -173,7 +175,10 @@ impl Cpd {
             };
             break (solution, expectation, stop);
         };
-        let points = PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
+        let points = PointCounts {
+            source: CloudCounts::from_cloud(source),
+            target: CloudCounts::from_cloud(target),
+        };
         let found = SolvedPose {
             transform: pose,
             moments: expectation.moments,

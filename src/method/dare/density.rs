@@ -28,7 +28,8 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
         n,
         || (),
         |_, i| {
-            let mut around: Vec<f64> = neighbors.indices(i).iter().map(|&j| areas[j as usize]).collect();
+            let mut around: Vec<f64> =
+                neighbors.indices(i).iter().map(|&j| areas[j as usize]).collect();
             around.sort_unstable_by(f64::total_cmp);
             let middle = around.len() / 2;
             (around[middle] + around[(around.len() - 1) / 2]) / 2.0

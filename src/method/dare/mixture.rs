@@ -88,7 +88,11 @@ pub(super) struct ComponentStatistics {
 
 impl SceneMixture {
     /// The E-step: the clusters of `view` under `pose`, and Σ_j w_j ln p(x_j).
-    pub(super) fn e_step(&self, view: &NormalizedCloud, pose: &Transform) -> (Vec<ComponentStatistics>, f64) {
+    pub(super) fn e_step(
+        &self,
+        view: &NormalizedCloud,
+        pose: &Transform,
+    ) -> (Vec<ComponentStatistics>, f64) {
         let k = self.means.len();
         let uniform = self.outlier_ratio / self.volume;
         let prior = (1.0 - self.outlier_ratio) / k as f64;
@@ -119,7 +123,8 @@ impl SceneMixture {
                         .collect();
                     let mut partial = vec![0.0f32; SUMS_PER_COMPONENT * k];
                     let weights = &view.weights[range];
-                    let pass = EStepKernel { model: &model, points: &moved, weights, sums: &mut partial };
+                    let pass =
+                        EStepKernel { model: &model, points: &moved, weights, sums: &mut partial };
                     likelihood += pulp::Arch::new().dispatch(pass);
                     sums.iter_mut().zip(&partial).for_each(|(sum, &x)| *sum += f64::from(x));
                 }
@@ -145,7 +150,12 @@ impl SceneMixture {
             let mean = self.means[i].map(|x| f64::from(x as f32));
             let shift = math::scaled([sum(1), sum(2), sum(3)], 1.0 / mass);
             let scatter = (sum(4) - mass * math::dot(shift, shift)).max(0.0);
-            ComponentStatistics { mass, squared_mass: squared, centroid: back.apply(math::add(mean, shift)), scatter }
+            ComponentStatistics {
+                mass,
+                squared_mass: squared,
+                centroid: back.apply(math::add(mean, shift)),
+                scatter,
+            }
         };
         ((0..k).map(cluster).collect(), likelihood)
     }
@@ -175,7 +185,11 @@ impl SceneMixture {
     ///
     /// # Errors
     /// Those of [`pose::solve_with`].
-    pub(super) fn solve_pose(&self, clusters: &[ComponentStatistics], prior: &Prior) -> Result<Solution> {
+    pub(super) fn solve_pose(
+        &self,
+        clusters: &[ComponentStatistics],
+        prior: &Prior,
+    ) -> Result<Solution> {
         let moments = self.moments(clusters, 1.0, ([0.0; 3], [0.0; 3]));
         pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior)
     }
@@ -185,7 +199,10 @@ impl SceneMixture {
     ///
     /// # Errors
     /// Those of [`pose::solve`], but for the open rotation.
-    pub(super) fn follow_clouds(&mut self, clouds: [(&[ComponentStatistics], &Transform); 2]) -> Result<()> {
+    pub(super) fn follow_clouds(
+        &mut self,
+        clouds: [(&[ComponentStatistics], &Transform); 2],
+    ) -> Result<()> {
         let mut moments = Moments::about([0.0; 3], [0.0; 3]);
         for (clusters, pose) in clouds {
             for ((cluster, &mean), variance) in
@@ -210,7 +227,11 @@ impl SceneMixture {
 
     /// The rest of the M-step: means (unless `held`), then variances, from the clusters
     /// of both clouds under their new poses.
-    pub(super) fn update_components(&mut self, clouds: [(&[ComponentStatistics], &Transform); 2], freeze_means: bool) {
+    pub(super) fn update_components(
+        &mut self,
+        clouds: [(&[ComponentStatistics], &Transform); 2],
+        freeze_means: bool,
+    ) {
         for i in 0..self.means.len() {
             let parts = clouds.map(|(clusters, pose)| {
                 let cluster = &clusters[i];
@@ -228,7 +249,8 @@ impl SceneMixture {
                 let rest = math::sub(centroid, self.means[i]);
                 scatter + mass * math::dot(rest, rest)
             };
-            self.variances[i] = parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.point_variance;
+            self.variances[i] =
+                parts.iter().map(spread).sum::<f64>() / (3.0 * mass) + self.point_variance;
         }
     }
 }

@@ -5,9 +5,9 @@ mod mixture;
 
 use serde::{Deserialize, Serialize};
 
-use self::mixture::{ComponentStatistics, SceneMixture, NormalizedCloud};
+use self::mixture::{ComponentStatistics, NormalizedCloud, SceneMixture};
 use super::position_problem;
-use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
 use super::termination::{IterationRecord, StopReason};
 use super::{Method, Refine};
 use crate::cloud::{PointCloud, Transform};
@@ -208,7 +208,10 @@ impl Dare {
             iterations,
             stop,
             trace,
-            points: PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) },
+            points: PointCounts {
+                source: CloudCounts::from_cloud(source),
+                target: CloudCounts::from_cloud(target),
+            },
             times,
             config: Method::Dare(config),
             doubts: Vec::new(),
@@ -238,7 +241,12 @@ impl Dare {
 
     /// The scene before anything was seen of it: means on a sphere about both clouds'
     /// centroid, of their standard deviation an axis, and turned with the target.
-    fn initial_mixture(&self, source: &NormalizedCloud, target: &NormalizedCloud, pose: &Transform) -> SceneMixture {
+    fn initial_mixture(
+        &self,
+        source: &NormalizedCloud,
+        target: &NormalizedCloud,
+        pose: &Transform,
+    ) -> SceneMixture {
         let moved = source.points.iter().map(|p| pose.apply(p.map(f64::from)));
         let all: Vec<Vec3> = moved.chain(target.points.iter().map(|p| p.map(f64::from))).collect();
         let n = all.len() as f64;
@@ -285,11 +293,21 @@ struct NormalizedFrame {
 impl NormalizedFrame {
     fn new(source: &PointCloud, target: &PointCloud) -> Result<Self> {
         let unit = position_problem::rms_radius(source, target)?;
-        Ok(NormalizedFrame { source: source.centroid(), target: target.centroid(), rms_radius: unit })
+        Ok(NormalizedFrame {
+            source: source.centroid(),
+            target: target.centroid(),
+            rms_radius: unit,
+        })
     }
 
-    fn normalize_cloud(&self, cloud: &PointCloud, center: Vec3, neighbors: usize) -> Result<NormalizedCloud> {
-        let inward = |p| math::scaled(math::sub(p, center), 1.0 / self.rms_radius).map(|x| x as f32);
+    fn normalize_cloud(
+        &self,
+        cloud: &PointCloud,
+        center: Vec3,
+        neighbors: usize,
+    ) -> Result<NormalizedCloud> {
+        let inward =
+            |p| math::scaled(math::sub(p, center), 1.0 / self.rms_radius).map(|x| x as f32);
         let points: Vec<[f32; 3]> = cloud.positions().map(inward).collect();
         if points.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e15) {
             return Err(Error::Extent { extent: f64::INFINITY });

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use self::surface::{PairSet, SurfaceProblem};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, SolvedPose, PointCounts, Timings};
-use super::{Cached, Method, Refine, Registration, IterationRecord, StopReason};
+use super::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
+use super::{Cached, IterationRecord, Method, Refine, Registration, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -57,6 +57,7 @@ pub struct Icp {
     pub max_distance: Option<f64>,
     /// Share of the pairs that is kept, shortest first, in (0, 1]; default 1. Trimmed ICP
     /// (Chetverikov et al. 2002): a little below the overlap.
+    #[serde(rename = "keep")]
     pub trim_ratio: f64,
     /// Whether the source point must also be the nearest of its target point; default no.
     /// Fewer, better pairs under partial overlap, at about twice the time.
@@ -236,14 +237,21 @@ impl Icp {
             let moments = moments::moments_of_pairs(source, target, &pairs)?;
             let on = PairSet { source, target, pairs: &pairs };
             transform = times.time("solve", || match &surfaces {
-                Some(surfaces) => self
-                    .prior
-                    .project_pose(&surfaces.gauss_newton_step(on, &transform)?, moments.centered()?.source_mean),
+                Some(surfaces) => self.prior.project_pose(
+                    &surfaces.gauss_newton_step(on, &transform)?,
+                    moments.centered()?.source_mean,
+                ),
                 None => solve_point_to_point(&moments, transform.scale, &self.prior),
             })?;
             if config.trace {
                 let (objective, weight) = (error.sqrt(), moments.weight);
-                trace.push(IterationRecord { iteration, transform, objective, weight, bandwidth: None });
+                trace.push(IterationRecord {
+                    iteration,
+                    transform,
+                    objective,
+                    weight,
+                    bandwidth: None,
+                });
             }
             let change = (before - error).abs();
             let least_change = config.error_tolerance.max(config.relative_error_tolerance * before);
@@ -279,7 +287,10 @@ impl Icp {
             iterations: iteration,
             stop,
             trace,
-            points: PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) },
+            points: PointCounts {
+                source: CloudCounts::from_cloud(source),
+                target: CloudCounts::from_cloud(target),
+            },
             times,
             config: Method::Icp(config),
             doubts,

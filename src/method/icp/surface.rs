@@ -80,7 +80,8 @@ impl SurfaceProblem {
             }
             Ok(CloudNormals(normals.vectors))
         };
-        let tangents = |end: Cached<'_>| end.get(NormalsKey(neighbors), || normals(end.cloud));
+        let tangents =
+            |end: Cached<'_>| end.get_or_compute(NormalsKey(neighbors), || normals(end.cloud));
         let center = target.cloud.centroid();
         let target = tangents(target)?;
         let source = match metric {
@@ -107,7 +108,8 @@ impl SurfaceProblem {
             let mut damped = system.hessian;
             (0..6).for_each(|i| damped[i][i] += damping * mean);
             if let Some(factor) = cholesky::factor(&damped) {
-                let next = self.apply_twist(pose, cholesky::solve(&factor, &system.gradient.map(|x| -x)));
+                let next =
+                    self.apply_twist(pose, cholesky::solve(&factor, &system.gradient.map(|x| -x)));
                 if self.weighted_error(on, &next, &information) <= system.error {
                     return Ok(next);
                 }
@@ -177,7 +179,12 @@ impl SurfaceProblem {
         blocks.iter().sum()
     }
 
-    fn normal_equations(&self, on: PairSet<'_>, pose: &Transform, information: &[Mat3]) -> NormalEquations {
+    fn normal_equations(
+        &self,
+        on: PairSet<'_>,
+        pose: &Transform,
+        information: &[Mat3],
+    ) -> NormalEquations {
         let zero = || NormalEquations { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], error: 0.0 };
         let blocks = par::map_blocks(
             on.pairs.len(),
@@ -257,16 +264,22 @@ mod tests {
 
     #[test]
     fn discs_invert() {
-        let discs = add_matrices(&disc_covariance([1.0, 0.0, 0.0]), &disc_covariance([0.0, 0.6, 0.8]));
+        let discs =
+            add_matrices(&disc_covariance([1.0, 0.0, 0.0]), &disc_covariance([0.0, 0.6, 0.8]));
         let product = math::mat_mul(&discs, &invert_symmetric(&discs));
         assert!(math::frobenius(&math::mat_sub(&product, &math::IDENTITY)) < 1e-12);
-        assert!((math::determinant(&disc_covariance([0.0, 0.6, 0.8])) - NORMAL_VARIANCE).abs() < 1e-15);
+        assert!(
+            (math::determinant(&disc_covariance([0.0, 0.6, 0.8])) - NORMAL_VARIANCE).abs() < 1e-15
+        );
     }
 
     #[test]
     fn the_gradient_is_the_errors_derivative() {
         let (e, y) = ([0.3, -0.2, 0.5], [1.0, 2.0, -0.7]);
-        let information = invert_symmetric(&add_matrices(&disc_covariance([0.0, 0.6, 0.8]), &disc_covariance([1.0, 0.0, 0.0])));
+        let information = invert_symmetric(&add_matrices(
+            &disc_covariance([0.0, 0.6, 0.8]),
+            &disc_covariance([1.0, 0.0, 0.0]),
+        ));
         let mut system = NormalEquations { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], error: 0.0 };
         system.add(2.0, e, y, &information);
         let error = |motion: Vec6| {

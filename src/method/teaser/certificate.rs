@@ -75,14 +75,18 @@ pub(super) fn certify(
 
 /// A rotation that is the least-squares one of the measurements within its bound of 1, and
 /// its truncated cost.
-fn minimize_truncated_cost(measurements: &[(Vec3, Vec3)], schedule: GncOptions) -> Result<(Mat3, f64)> {
+fn minimize_truncated_cost(
+    measurements: &[(Vec3, Vec3)],
+    schedule: GncOptions,
+) -> Result<(Mat3, f64)> {
     let (rounds, _) = rotation::estimate_rotation(measurements, 1.0, schedule, &Prior::default())?;
     let mut rotation = rounds.last().map_or(math::IDENTITY, |round| round.rotation);
     let mut weights = Vec::new();
     // Every pass lowers the cost, so that it ends; a limit all the same.
     for _ in 0..100 {
-        let kept: Vec<f64> =
-            squared_residuals(measurements, &rotation).map(|r| if r <= 1.0 { 1.0 } else { 0.0 }).collect();
+        let kept: Vec<f64> = squared_residuals(measurements, &rotation)
+            .map(|r| if r <= 1.0 { 1.0 } else { 0.0 })
+            .collect();
         if kept == weights {
             break;
         }
@@ -133,7 +137,8 @@ impl DualProblem {
             let form = pose::product_form(&math::outer(a, math::mat_vec(&back, b)));
             let squares = math::dot(a, a) + math::dot(b, b);
             let sign = if r <= 1.0 { 0.5 } else { -0.5 };
-            let tie = combine_blocks(&identity((squares - 1.0) / 2.0), &form, |x, p| sign * (x - p));
+            let tie =
+                combine_blocks(&identity((squares - 1.0) / 2.0), &form, |x, p| sign * (x - p));
             let own = combine_blocks(&identity((squares + 1.0) / 2.0), &form, |x, p| x - p);
             // Half of what the measurement has beyond its share of the cost stays with it,
             // half goes to the first block: both then carry the tie between them.
@@ -141,7 +146,8 @@ impl DualProblem {
             for r in 0..4 {
                 (half[r][0], half[0][r]) = (-tie[r][0], -tie[r][0]);
             }
-            first = combine_blocks(&first, &combine_blocks(&own, &half, |x, h| x - h), |x, y| x + y);
+            first =
+                combine_blocks(&first, &combine_blocks(&own, &half, |x, h| x - h), |x, y| x + y);
             sum = combine_blocks(&sum, &own, |x, y| x + y);
             let at = 4 * (k + 1);
             for (r, c) in block_entries() {
@@ -238,7 +244,12 @@ fn combine_blocks(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block
 }
 
 /// Block (i, j) combined with its transpose.
-fn combine_with_transpose(x: &Mat<f64>, i: usize, j: usize, with: impl Fn(f64, f64) -> f64) -> Block {
+fn combine_with_transpose(
+    x: &Mat<f64>,
+    i: usize,
+    j: usize,
+    with: impl Fn(f64, f64) -> f64,
+) -> Block {
     let at = |r: usize, c: usize| x[(4 * i + r, 4 * j + c)];
     [0, 1, 2, 3].map(|r| [0, 1, 2, 3].map(|c| with(at(r, c), at(c, r))))
 }

@@ -28,7 +28,8 @@ pub(super) fn find_maximum_clique(graph: &CompatibilityGraph, steps: u64) -> Cli
     // From the densest part outwards: large cliques come early and prune the rest.
     for &v in order.iter().rev() {
         if cores[v] >= best.len() {
-            let shared = later.iter().zip(graph.adjacency_row(v)).map(|(a, b)| a & b).collect::<Vec<u64>>();
+            let shared =
+                later.iter().zip(graph.adjacency_row(v)).map(|(a, b)| a & b).collect::<Vec<u64>>();
             let able = |&w: &usize| cores[w] >= best.len();
             let candidates: Vec<usize> = set_bits(&shared).filter(able).collect();
             if candidates.len() >= best.len() {
@@ -187,7 +188,8 @@ impl CliqueSearch<'_> {
                 }
             }
         }
-        self.remaining_steps = self.remaining_steps.saturating_sub(((size + color) * candidates.len()) as u64);
+        self.remaining_steps =
+            self.remaining_steps.saturating_sub(((size + color) * candidates.len()) as u64);
         (vertices, colors)
     }
 }

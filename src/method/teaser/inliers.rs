@@ -12,8 +12,13 @@ const MIN_INLIERS: usize = 5;
 const MAX_CHANCE_DIFFERENCES: usize = 125_000;
 
 /// Fewest inliers that are believed.
-pub(super) fn min_inliers(matches: &CenteredCorrespondences, scale: f64, difference_bound: f64) -> usize {
-    min_significant_size(matches.len(), chance_consistency(matches, scale, difference_bound)).max(MIN_INLIERS)
+pub(super) fn min_inliers(
+    matches: &CenteredCorrespondences,
+    scale: f64,
+    difference_bound: f64,
+) -> usize {
+    min_significant_size(matches.len(), chance_consistency(matches, scale, difference_bound))
+        .max(MIN_INLIERS)
 }
 
 /// Share of the pairs of a source and a target distance, of no matter which matches, that
@@ -39,7 +44,11 @@ fn chance_consistency(matches: &CenteredCorrespondences, scale: f64, difference_
 }
 
 /// Matches whose error is within the bound along every axis.
-pub(super) fn find_inliers(matches: &CenteredCorrespondences, transform: &Transform, bound: f64) -> Vec<usize> {
+pub(super) fn find_inliers(
+    matches: &CenteredCorrespondences,
+    transform: &Transform,
+    bound: f64,
+) -> Vec<usize> {
     let (source_origin, target_origin) = matches.origins();
     let shift = math::sub(transform.apply(source_origin), target_origin);
     let within = |&k: &usize| {

@@ -2,15 +2,15 @@
 
 mod certificate;
 mod clique;
-mod inliers;
 pub(super) mod correspondences;
+mod inliers;
 mod rotation;
 mod voting;
 
 use serde::{Deserialize, Serialize};
 
 use super::features::FeatureConfig;
-use super::registration::{CloudCounts, SolvedPose, PointCounts, Registration, Timings};
+use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
 use super::termination::{IterationRecord, StopReason};
 use super::{Cached, Method, Register};
 use crate::cloud::{PointCloud, Transform};
@@ -186,10 +186,13 @@ impl Teaser {
                 [source, target].map(PointCloud::origin),
             );
             let weights = [source, target].map(PointCloud::weights);
-            let pairs: Vec<(u32, u32)> = pairs.iter().copied().filter(has_positive_weights(weights)).collect();
+            let pairs: Vec<(u32, u32)> =
+                pairs.iter().copied().filter(has_positive_weights(weights)).collect();
             let matches = CenteredCorrespondences::new(&pairs, points, origins);
-            let counts =
-                PointCounts { source: CloudCounts::from_cloud(source), target: CloudCounts::from_cloud(target) };
+            let counts = PointCounts {
+                source: CloudCounts::from_cloud(source),
+                target: CloudCounts::from_cloud(target),
+            };
             self.solve(&matches, source.into(), target.into(), counts, Timings::default())
         })?
     }
@@ -197,12 +200,18 @@ impl Teaser {
     fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         self.validate()?;
         let mut times = Timings::default();
-        let [source_side, target_side] = self.features.extract_pair([source, target], None, &mut times)?;
+        let [source_side, target_side] =
+            self.features.extract_pair([source, target], None, &mut times)?;
         let (p, q) = (source_side.view(), target_side.view());
         let matches = times.time("matches", || {
-            let mut pairs = correspondences::match_features(&FullConnection::new(p, q)?, self.cross_check);
+            let mut pairs =
+                correspondences::match_features(&FullConnection::new(p, q)?, self.cross_check);
             pairs.retain(has_positive_weights([source_side.weights(), target_side.weights()]));
-            Ok::<_, Error>(CenteredCorrespondences::new(&pairs, [p.points, q.points], [p.origin, q.origin]))
+            Ok::<_, Error>(CenteredCorrespondences::new(
+                &pairs,
+                [p.points, q.points],
+                [p.origin, q.origin],
+            ))
         })?;
         let counts = PointCounts { source: source_side.counts(), target: target_side.counts() };
         self.solve(&matches, source, target, counts, times)
@@ -218,7 +227,8 @@ impl Teaser {
     ) -> Result<Registration> {
         check_count(matches.len(), "the list of matches")?;
         if matches.len() > MAX_CORRESPONDENCES {
-            let rule = format!("at most {MAX_CORRESPONDENCES} can be compared: thin the clouds first");
+            let rule =
+                format!("at most {MAX_CORRESPONDENCES} can be compared: thin the clouds first");
             return Err(Error::config("matches", matches.len(), rule));
         }
         let bound = self.resolve_noise_bound(source, target)?;
@@ -241,10 +251,17 @@ impl Teaser {
         }
         let kept = matches.select(&clique.vertices);
         let (rounds, settled) = times.time("rotation", || {
-            let differences = scale_differences(kept.pairwise_differences(MAX_ROTATION_DIFFERENCES), scale);
-            rotation::estimate_rotation(&differences, difference_bound, self.gnc_options(), &self.prior)
+            let differences =
+                scale_differences(kept.pairwise_differences(MAX_ROTATION_DIFFERENCES), scale);
+            rotation::estimate_rotation(
+                &differences,
+                difference_bound,
+                self.gnc_options(),
+                &self.prior,
+            )
         })?;
-        let pose = |round: &GncIteration| voting::vote_translation(&kept, &round.rotation, scale, bound);
+        let pose =
+            |round: &GncIteration| voting::vote_translation(&kept, &round.rotation, scale, bound);
         let transform = rounds.last().map_or(Transform::IDENTITY, pose);
         let inliers = inliers::find_inliers(&kept, &transform, bound);
         let needed = inliers::min_inliers(matches, scale, difference_bound);
@@ -262,7 +279,10 @@ impl Teaser {
         };
         let certificate = self.certify.then(|| {
             times.time("certificate", || {
-                let differences = scale_differences(kept.subsampled_differences(MAX_CERTIFICATE_DIFFERENCES), scale);
+                let differences = scale_differences(
+                    kept.subsampled_differences(MAX_CERTIFICATE_DIFFERENCES),
+                    scale,
+                );
                 certificate::certify(&differences, difference_bound, self.gnc_options(), &transform)
             })
         });
@@ -302,7 +322,11 @@ impl Teaser {
     }
 
     /// The noise bound in force.
-    pub(super) fn resolve_noise_bound(&self, source: Cached<'_>, target: Cached<'_>) -> Result<f64> {
+    pub(super) fn resolve_noise_bound(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+    ) -> Result<f64> {
         self.noise_bound.map_or_else(|| self.default_noise_bound(source, target), Ok)
     }
 

@@ -133,7 +133,8 @@ mod tests {
         // Two that agree in one direction, and a third at an impossible angle to them.
         let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         let measurements = [(x, x), (x, x), (y, [0.6, 0.8, 0.0])];
-        let (rounds, settled) = estimate_rotation(&measurements, 1e-3, SCHEDULE, &Prior::default()).unwrap();
+        let (rounds, settled) =
+            estimate_rotation(&measurements, 1e-3, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         assert!(settled && rounds.len() > 1 && last.weight < 3.0, "{rounds:?}");
         assert!((math::determinant(&last.rotation) - 1.0).abs() < 1e-9);
@@ -152,7 +153,8 @@ mod tests {
             (a, if i.is_multiple_of(3) { at(i, 2.9) } else { truth.rotate(a) })
         };
         let measurements: Vec<_> = (0..90).map(measure).collect();
-        let (rounds, settled) = estimate_rotation(&measurements, 0.01, SCHEDULE, &Prior::default()).unwrap();
+        let (rounds, settled) =
+            estimate_rotation(&measurements, 0.01, SCHEDULE, &Prior::default()).unwrap();
         let last = rounds.last().unwrap();
         let error = math::frobenius(&math::mat_sub(&last.rotation, &truth.rotation));
         assert!(settled && error < 1e-6, "{error} after {}", rounds.len());

@@ -66,7 +66,12 @@ pub(super) fn vote_scale(matches: &CenteredCorrespondences, difference_bound: f6
 
 /// The pose with this rotation, its translation voted for axis by axis (TEASER's
 /// component-wise translation estimation).
-pub(super) fn vote_translation(matches: &CenteredCorrespondences, rotation: &Mat3, scale: f64, bound: f64) -> Transform {
+pub(super) fn vote_translation(
+    matches: &CenteredCorrespondences,
+    rotation: &Mat3,
+    scale: f64,
+    bound: f64,
+) -> Transform {
     let turn = |p: Vec3| math::scaled(math::mat_vec(rotation, p), scale);
     let axis = |a: usize| {
         let pairs = matches.source.iter().zip(&matches.target);

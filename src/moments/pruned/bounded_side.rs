@@ -122,8 +122,11 @@ impl BoundedSide {
         let mut order: Vec<u32> = (0..n as u32).collect();
         split_kd_order(&mut order, &projected);
         let block = |order: &[u32]| {
-            let mut extent =
-                BlockBounds { low: [f32::INFINITY; AXES], high: [f32::NEG_INFINITY; AXES], norm: 0.0 };
+            let mut extent = BlockBounds {
+                low: [f32::INFINITY; AXES],
+                high: [f32::NEG_INFINITY; AXES],
+                norm: 0.0,
+            };
             for &i in order {
                 let BlockBounds { low, high, norm } = &mut extent;
                 *norm = norm.max(rows.norms()[i as usize]);
@@ -159,7 +162,11 @@ impl BoundedSide {
     pub(super) fn distance_bounds(&self, other: &BoundedSide, block: usize, bounds: &mut Vec<f32>) {
         bounds.clear();
         bounds.resize(self.rows.len(), 0.0);
-        pulp::Arch::new().dispatch(BoundDistances { side: self, from: &other.boxes[block], bounds });
+        pulp::Arch::new().dispatch(BoundDistances {
+            side: self,
+            from: &other.boxes[block],
+            bounds,
+        });
     }
 }
 

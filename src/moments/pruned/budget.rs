@@ -64,7 +64,11 @@ impl PruningBudget {
     /// row of factor 1. Returns how many columns were weighed.
     ///
     /// What it reports grows with what it has weighed, so the promise holds at the end too.
-    pub(super) fn weigh_within_share(&mut self, share: f64, mut weigh: impl FnMut(&[u32]) -> f64) -> u64 {
+    pub(super) fn weigh_within_share(
+        &mut self,
+        share: f64,
+        mut weigh: impl FnMut(&[u32]) -> f64,
+    ) -> u64 {
         let enough = self.groups.len().div_ceil(FIRST_FRACTION);
         let (mut first, mut count) = (LEVELS, 0);
         while count < enough {
@@ -115,7 +119,9 @@ impl<K: WeightKernel> WithSimd for BoundWeights<'_, K> {
             Some(factors) if squared => {
                 bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= (*w * v) * ROUNDING_FACTOR);
             }
-            Some(factors) => bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= v * ROUNDING_FACTOR),
+            Some(factors) => {
+                bounds.iter_mut().zip(factors).for_each(|(w, v)| *w *= v * ROUNDING_FACTOR)
+            }
         }
     }
 }

@@ -20,7 +20,12 @@ pub(super) struct GatheredTile {
 
 impl GatheredTile {
     /// Takes the descriptors and factors of ascending `groups`.
-    pub(super) fn gather_descriptors(&mut self, from: &BoundedSide, groups: &[u32], scaling: Scaling<'_>) {
+    pub(super) fn gather_descriptors(
+        &mut self,
+        from: &BoundedSide,
+        groups: &[u32],
+        scaling: Scaling<'_>,
+    ) {
         let (dim, n) = (from.rows.dim(), from.rows.len());
         let Panels { values, norms } = &mut self.panels;
         collect(norms, from.rows.norms(), groups);

@@ -21,8 +21,8 @@
 //! factor is within (1 − η)^±n, so p = 2n. With η such that κ = 1 + ε/4, and ε/2 for the
 //! last pass, Σ|w̃ − w| ≤ (κ − 1) Σw + ε/2 · κ Σw ≤ (1/4 + 5/8) ε Σw.
 
-mod budget;
 mod bounded_side;
+mod budget;
 mod gathered_tile;
 #[cfg(test)]
 mod tests;
@@ -36,8 +36,8 @@ use super::sums::Moments;
 use super::tile::{Reducer, Scaling, weigh_block};
 use crate::par;
 use crate::weight::{Normalization, WeightKernel};
+use bounded_side::{BLOCK, BoundedSide, PrincipalAxes};
 use budget::PruningBudget;
-use bounded_side::{PrincipalAxes, BLOCK, BoundedSide};
 use gathered_tile::{GatheredTile, MAX_GROUPS_PER_TILE};
 
 /// Fewest connections for which leaving out pays; below, the dense pass is as fast. By the
@@ -119,27 +119,36 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
     /// Moments, of every block all but `share` of its weight.
     fn moments(&self, scaling: Scaling<'_>, share: f64, start: Moments) -> (Moments, u64) {
         let rows = &self.rows.rows;
-        let blocks = par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
-            let PrunedScratch { budget, gathered, tile } = scratch;
-            let mut sums = vec![[0.0; 6]; block.len()];
-            budget.bound_weights(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
-            let factors = scaling.rows(block.clone());
-            let weighed = budget.weigh_within_share(share, |groups| {
-                for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
-                    gathered.gather_descriptors(self.columns, groups, scaling);
-                    gathered.gather_positions(self.columns, groups);
-                    let mut reducer =
-                        MomentSums { targets: &gathered.targets, sums: std::mem::take(&mut sums) };
-                    self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
-                    sums = reducer.sums;
-                }
-                sums.iter().map(|sums| sums[0]).sum::<f64>() / factors
+        let blocks =
+            par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
+                let PrunedScratch { budget, gathered, tile } = scratch;
+                let mut sums = vec![[0.0; 6]; block.len()];
+                budget.bound_weights(
+                    self.kernel,
+                    self.rows,
+                    block.start / BLOCK,
+                    self.columns,
+                    scaling,
+                );
+                let factors = scaling.rows(block.clone());
+                let weighed = budget.weigh_within_share(share, |groups| {
+                    for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
+                        gathered.gather_descriptors(self.columns, groups, scaling);
+                        gathered.gather_positions(self.columns, groups);
+                        let mut reducer = MomentSums {
+                            targets: &gathered.targets,
+                            sums: std::mem::take(&mut sums),
+                        };
+                        self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
+                        sums = reducer.sums;
+                    }
+                    sums.iter().map(|sums| sums[0]).sum::<f64>() / factors
+                });
+                let targets = &gathered.targets;
+                let moments =
+                    MomentSums { targets, sums }.fold(&self.rows.points[block.clone()], start);
+                (moments, weighed * block.len() as u64)
             });
-            let targets = &gathered.targets;
-            let moments =
-                MomentSums { targets, sums }.fold(&self.rows.points[block.clone()], start);
-            (moments, weighed * block.len() as u64)
-        });
         blocks.iter().fold((start, 0), |(mut sum, all), (block, weighed)| {
             sum.merge(block);
             (sum, all + weighed)
@@ -149,21 +158,28 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
     /// Σ_j w_ij of every row, short of it by at most `share` of it.
     fn sums(&self, scaling: Scaling<'_>, share: f64) -> (Vec<f64>, u64) {
         let rows = &self.rows.rows;
-        let blocks = par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
-            let PrunedScratch { budget, gathered, tile } = scratch;
-            let mut reducer = RowSums { sums: vec![0.0; block.len()] };
-            budget.bound_weights(self.kernel, self.rows, block.start / BLOCK, self.columns, scaling);
-            let weighed = budget.weigh_within_share(share, |groups| {
-                for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
-                    gathered.gather_descriptors(self.columns, groups, scaling);
-                    self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
-                }
-                let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-                // Whether a row counts as one without weight is left to no bound.
-                if least < 2.0 * f64::from(f32::MIN_POSITIVE) { 0.0 } else { least }
+        let blocks =
+            par::map_blocks(rows.len(), BLOCK, PrunedScratch::default, |scratch, block| {
+                let PrunedScratch { budget, gathered, tile } = scratch;
+                let mut reducer = RowSums { sums: vec![0.0; block.len()] };
+                budget.bound_weights(
+                    self.kernel,
+                    self.rows,
+                    block.start / BLOCK,
+                    self.columns,
+                    scaling,
+                );
+                let weighed = budget.weigh_within_share(share, |groups| {
+                    for groups in groups.chunks(MAX_GROUPS_PER_TILE) {
+                        gathered.gather_descriptors(self.columns, groups, scaling);
+                        self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
+                    }
+                    let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+                    // Whether a row counts as one without weight is left to no bound.
+                    if least < 2.0 * f64::from(f32::MIN_POSITIVE) { 0.0 } else { least }
+                });
+                (reducer.sums, weighed * block.len() as u64)
             });
-            (reducer.sums, weighed * block.len() as u64)
-        });
         let weighed = blocks.iter().map(|(_, weighed)| weighed).sum();
         (blocks.into_iter().flat_map(|(sums, _)| sums).collect(), weighed)
     }

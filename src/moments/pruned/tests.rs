@@ -6,9 +6,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::super::tile::{Reducer, Scaling, weigh_block};
-use super::super::{Described, FullConnection, Moments, naive};
+use super::super::{FeatureView, FullConnection, Moments, naive};
 use super::PrunedPass;
-use super::bounded_side::{PrincipalAxes, BLOCK, BoundedSide, GROUP};
+use super::bounded_side::{BLOCK, BoundedSide, GROUP, PrincipalAxes};
 use super::gathered_tile::{GatheredTile, MAX_GROUPS_PER_TILE};
 use crate::cloud::Descriptors;
 use crate::error::Error;
@@ -60,9 +60,9 @@ impl RandomSide {
         RandomSide { points, descriptors: Descriptors::new(dim, values).unwrap() }
     }
 
-    fn described(&self) -> Described<'_> {
+    fn described(&self) -> FeatureView<'_> {
         let RandomSide { points, descriptors } = self;
-        Described { points, origin: [500.0, -20.0, 3.0], descriptors }
+        FeatureView { points, origin: [500.0, -20.0, 3.0], descriptors }
     }
 }
 
@@ -306,7 +306,10 @@ fn more_is_left_out_for_more_tolerance() {
     let connection = connect(&shape.sides());
     let weighed = [1e-9, 1e-6, 1e-3, 1e-1].map(|tolerance| {
         let scheme = WeightScheme::Gaussian;
-        connection.pruned_moments_with_count(scheme, 500.5, Normalization::None, tolerance).unwrap().1
+        connection
+            .pruned_moments_with_count(scheme, 500.5, Normalization::None, tolerance)
+            .unwrap()
+            .1
     });
     assert!(weighed.is_sorted_by(|a, b| a > b) && weighed[0] < connection.pairs(), "{weighed:?}");
 }

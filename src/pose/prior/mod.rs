@@ -91,12 +91,14 @@ impl Prior {
             _ => match (self.direction, self.rotation) {
                 // Whether they contradict each other depends on no pair.
                 (Some(direction), Some(_)) => {
-                    rotation_about_direction(direction, self.rotation, &IDENTITY, || Error::NO_WEIGHT)
-                        .map(|_| ())
-                        .or_else(|error| match error {
-                            Error::NoWeight { .. } => Ok(()),
-                            error => Err(error),
-                        })
+                    rotation_about_direction(direction, self.rotation, &IDENTITY, || {
+                        Error::NO_WEIGHT
+                    })
+                    .map(|_| ())
+                    .or_else(|error| match error {
+                        Error::NoWeight { .. } => Ok(()),
+                        error => Err(error),
+                    })
                 }
                 _ => Ok(()),
             },
@@ -237,7 +239,11 @@ fn rotation_about_direction(
 /// On it the quaternion, from the known rotation on, is (cos α/2, u sin α/2) with a unit vector u
 /// that maximises uᵀ B u + 2 k nᵀ u, B and n from Horn's matrix: (μ − B) u = k n with the μ above
 /// the eigenvalues of B that gives u its length.
-fn rotation_within_angle(near: &RotationBound, covariance: &Mat3, free: impl FnOnce() -> Result<Mat3>) -> Result<Mat3> {
+fn rotation_within_angle(
+    near: &RotationBound,
+    covariance: &Mat3,
+    free: impl FnOnce() -> Result<Mat3>,
+) -> Result<Mat3> {
     let center = near.center();
     if near.within_deg == 0.0 {
         return Ok(center);
