@@ -127,7 +127,7 @@ impl Graph {
     /// there is replaced.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io).
+    /// [`Error::Io`].
     pub fn write_names(&self, path: &Path) -> Result<()> {
         let failed = |error| super::list::csv_error(path, error);
         let mut table = csv::Writer::from_writer(Vec::new());
@@ -222,7 +222,7 @@ impl Graph {
     /// Writes [`g2o`](Self::g2o) to a file; one that was there is replaced.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io).
+    /// [`Error::Io`].
     pub fn write(&self, path: &Path, tangent: Tangent) -> Result<()> {
         io::write_bytes(path, self.g2o(tangent).as_bytes())
     }

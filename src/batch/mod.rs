@@ -80,14 +80,14 @@ pub enum Start {
 ///
 /// ```
 /// use cfreg::batch::{Batch, List};
-/// use cfreg::{experiment::shape::boulder, io, method::{Chain, Consensus}};
+/// use cfreg::{experiment::shape::boulder, io, method::{Pipeline, Consensus}};
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let folder = folder.path();
 /// for seed in 0..3 {
 ///     io::write(folder.join(format!("{seed}.ply")), &boulder().sample(500, seed)?)?;
 /// }
 /// let list = List::new(folder, [["0.ply", "1.ply"], ["1.ply", "2.ply"], ["2.ply", "none.ply"]]);
-/// let method: Chain = Chain::new("cf".parse()?, vec!["icp".parse()?])?;
+/// let method: Pipeline = Pipeline::new("cf".parse()?, vec!["icp".parse()?])?;
 /// let done = Batch::new(&method, &method).run(&list, &folder.join("poses.csv"))?;
 /// assert_eq!((done.pairs, done.errors), (3, 1));
 /// # Ok::<(), cfreg::Error>(())
@@ -100,7 +100,7 @@ pub struct Batch<'a> {
     /// What is known of where sensors stood; by default what the clouds say.
     pub viewpoints: ViewpointSource,
     /// Whether rows of files that mark measurements without a return are kept
-    /// ([`filter::no_returns`](crate::filter::no_returns)); by default they are left out.
+    /// ([`crate::filter::find_no_returns`]); by default they are left out.
     pub keep_no_returns: bool,
     /// How clouds are thinned; not at all by default.
     pub thinning: Downsampling,

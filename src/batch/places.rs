@@ -22,7 +22,7 @@ impl Places {
     /// Reads CSV with the columns `cloud`, `x`, `y`, `z`; others are not looked at.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parse`] without these columns, without a cloud in a line, and for
+    /// [`Error::Io`](crate::Error::Io); [`Error::Parse`](crate::Error::Parse) without these columns, without a cloud in a line, and for
     /// what is no finite number.
     pub fn read(path: &Path) -> Result<Places> {
         let mut sheet = CsvReader::open(path)?;

@@ -46,7 +46,7 @@ pub struct Row {
     pub scale: Option<f64>,
     /// Covariance of the pose, upper triangle row by row: rotation vector (radians), then shift
     /// (the target's unit), of a motion about `center` after the pose
-    /// ([`PoseCovariance`]).
+    /// ([`PoseCovariance`](quality::PoseCovariance)).
     pub covariance: Option<[f64; 21]>,
     /// Its inverse, as an edge of a graph of poses weighs it: 0 along motions that nothing holds.
     pub information: Option<[f64; 21]>,

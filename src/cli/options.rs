@@ -111,7 +111,7 @@ pub(super) struct MethodOptions {
     /// uniform [default: gaussian]
     #[arg(long)]
     weights: Option<WeightScheme>,
-    /// Squared bandwidth of the kernel, in squared descriptor units, or auto[:SHARE]: a share
+    /// Squared bandwidth of the kernel, in squared descriptor units, or auto or auto:SHARE: a share
     /// (0.25) of the median squared distance to the most similar point [default: 100 with --histogram pcl, 400 with
     /// open3d]
     #[arg(long, allow_negative_numbers = true)]

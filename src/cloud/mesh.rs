@@ -51,7 +51,7 @@ impl Mesh {
     /// draws the same points on every machine.
     ///
     /// # Errors
-    /// [`Error::Config`] for more than [`MOST_POINTS`]; [`Error::Shape`] when a face names a
+    /// [`Error::Config`] for more than [`MAX_SAMPLED_POINTS`]; [`Error::Shape`] when a face names a
     /// vertex that is not there; [`Error::TooFewPoints`] when the faces have no area.
     pub fn sample(&self, count: usize, seed: u64) -> Result<PointCloud> {
         if count > MAX_SAMPLED_POINTS {

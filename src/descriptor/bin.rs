@@ -10,7 +10,7 @@
 //! With u = 2⁻²⁴ and unit normals: d = p₂ − p₁ is off by u‖d‖, n·d by 4 u‖d‖ and hence its
 //! share of ‖d‖ by 10 u; d × u by 4.3 u‖d‖, hence v and w by some 13 u ‖d‖/‖d × u‖, v·n₂ and
 //! w·n₂ by 22 u ‖d‖/‖d × u‖ at most; finding the bin adds 4 u. Normals of length l
-//! make that l² as much, and the growth 1/l: [`DOUBT`] of 64 u is enough up to l² = 1.5. Longer
+//! make that l² as much, and the growth 1/l: [`EDGE_TOLERANCE`] of 64 u is enough up to l² = 1.5. Longer
 //! ones are left to f64.
 
 use num_traits::Float;
@@ -24,7 +24,7 @@ pub(super) const LANES: usize = 16;
 /// Pairs in f64 at a time: as many as there are f32 in a vector would not stay in registers.
 const HALF: usize = LANES / 2;
 
-/// An angle's sine or cosine nearer than this, times [`Features::growth`], to an edge of bins is
+/// An angle's sine or cosine nearer than this, times [`PairFeatures::rounding_gain`], to an edge of bins is
 /// left to f64.
 const EDGE_TOLERANCE: f32 = 64.0 * (f32::EPSILON / 2.0);
 /// Squared lengths of normals that the bound holds for.

@@ -20,7 +20,7 @@ pub(super) struct SpfhBuilder {
 }
 
 impl SpfhBuilder {
-    /// Writes the histograms of the pairs (i, neighbour), each of which sums to [`FULL`], into
+    /// Writes the histograms of the pairs (i, neighbour), each of which sums to [`BLOCK_SUM`], into
     /// the first [`BINS`] values of `row`; 0 without a neighbour.
     pub(super) fn histograms(
         &mut self,

@@ -36,7 +36,7 @@ impl Views {
     /// Views of `mesh`, whose faces turn their fronts outwards.
     ///
     /// # Errors
-    /// Those of [`Mesh::seen_from`].
+    /// Those of [`Mesh::visible_faces`].
     pub fn new(mesh: Mesh) -> Result<Self> {
         // Lost vertices are found here, all else that is wrong with a mesh by looking at it.
         mesh.area_of(&vec![true; mesh.faces.len()])?;

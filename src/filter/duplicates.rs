@@ -110,7 +110,7 @@ pub fn find_no_returns(cloud: &PointCloud) -> Vec<NoReturns> {
     found.into_iter().map(place).collect()
 }
 
-/// `cloud` without the rows that mark [missing returns](no_returns), which it counts
+/// `cloud` without the rows that mark [missing returns](find_no_returns), which it counts
 /// ([`PointCloud::no_returns`]); as it is where there are none.
 pub fn remove_no_returns(cloud: PointCloud) -> PointCloud {
     match select_returns(&cloud) {

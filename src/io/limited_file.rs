@@ -1,8 +1,8 @@
 //! How much of a file is read, and how much memory what is in it may take.
 //!
 //! Lists, tables and JSON may be of any length, come from a pipe, or be something else by
-//! mistake. A stream is read up to [`STREAM`] bytes, one record up to [`RECORD`], and what is made
-//! of a file may take [`FACTOR`] times its size and [`FREE`] bytes.
+//! mistake. A stream is read up to [`MAX_STREAM_BYTES`] bytes, one record up to [`MAX_RECORD_BYTES`], and what is made
+//! of a file may take [`MEMORY_FACTOR`] times its size and [`BASE_MEMORY`] bytes.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, ErrorKind, Read};
@@ -26,7 +26,7 @@ const MEMORY_FACTOR: u64 = 10;
 /// short as Parquet, and this has room for a quarter of a million of them.
 const BASE_MEMORY: u64 = 256 << 20;
 
-/// An open file: a regular one, or a stream of which no more than [`STREAM`] bytes are read.
+/// An open file: a regular one, or a stream of which no more than [`MAX_STREAM_BYTES`] bytes are read.
 #[derive(Debug)]
 pub(crate) struct LimitedFile {
     file: File,
@@ -109,7 +109,7 @@ pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
 /// Reads the next line, its end included, into `line`; whether there was one.
 ///
 /// # Errors
-/// Those of reading, and for a line of more than [`RECORD`] bytes.
+/// Those of reading, and for a line of more than [`MAX_RECORD_BYTES`] bytes.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();

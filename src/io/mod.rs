@@ -18,14 +18,14 @@
 //! | text | colours where red, green and blue are of one depth | no viewpoint; .csv: no digit first |
 //!
 //! No cloud has what else a file may hold: faces and other elements, lists, comments, the grid of
-//! an organised PCD. [`differences`] says what [`write()`] leaves out or changes.
+//! an organised PCD. [`differences()`] says what [`write()`] leaves out or changes.
 //!
 //! A file is not believed: a count or size in a header is weighed against the bytes that
 //! are there before memory is taken for it, and whatever is wrong is an
 //! [`Error::Parse`] with its line or byte. Memory is at most about ten times the file; a
 //! compressed PCD that unpacks to more than that and 64 MiB is refused. Time grows with the file.
 //! A header, or a line of names, has at most 1 MiB. Pipes are read up to
-//! [`LONGEST_STREAM`] bytes; devices are not.
+//! [`MAX_PIPE_BYTES`] bytes; devices are not.
 
 mod columns;
 mod content_error;
@@ -150,7 +150,7 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
 /// back to the last bit, but normals to unit length again (2e-7). Colours are whole numbers
 /// ([`Channels::with_color`](crate::Channels::with_color)), rounded. PCD alone keeps the
 /// viewpoint, and there zero stands for "not known". The count of dropped points is not kept.
-/// [`differences`] says what is left out, and which names are changed.
+/// [`differences()`] says what is left out, and which names are changed.
 ///
 /// # Errors
 /// [`Error::Config`] for another extension, and for more channels than a header of 1 MiB names;

@@ -68,7 +68,7 @@ pub(super) fn refine_with_distance_limit(
     found.ok_or(Error::NO_WEIGHT)
 }
 
-/// Distance within which [`OVERLAP`] of the points of one cloud have a point of the other, of the
+/// Distance within which [`MIN_OVERLAP`] of the points of one cloud have a point of the other, of the
 /// cloud for which it is shorter.
 fn overlap_distance(source: &PointCloud, target: &PointCloud, pose: &Transform) -> Result<f64> {
     let moved = |p| math::sub(pose.apply(p), target.origin()).map(|x| x as f32);

@@ -57,7 +57,7 @@ impl Cache {
 
     /// What was made under `key`, by `make` where that is not kept; errors are not.
     ///
-    /// Within a [crew](par::crew) a second caller waits while the first makes it. Elsewhere it
+    /// Within a [worker pool](par::worker_pool) a second caller waits while the first makes it. Elsewhere it
     /// makes its own: the thread that waits might be the one whose work is waited for.
     pub(super) fn get_or_compute<K, T>(
         &self,

@@ -95,7 +95,7 @@ impl Method {
         Consensus { prior, channels: channels.to_vec(), ..Consensus::default() }
     }
 
-    /// Whether a registration takes about as long as a [verdict](super::Consensus::judge) on its
+    /// Whether a registration takes about as long as a [verdict](super::Consensus::verify) on its
     /// pose, or longer: then every pose of a list is verified by default.
     ///
     /// On three real pairs of 500, 5,000 and 30,000 points, one thread, a verdict takes 2 to 60

@@ -57,7 +57,7 @@ pub struct Cf {
     pub normalization: Normalization,
     /// Largest share of the weight that may be left out to save time, at least 0 and below 1;
     /// default 0, every connection weighed. Only what provably weighs that little is left out
-    /// ([`FullConnection::scheme_moments_within`] has the promise), and only from 5·10⁷
+    /// ([`FullConnection::pruned_moments`] has the promise), and only from 5·10⁷
     /// connections on: two clouds of 7,100 points. Set 1e-3 for clouds that large: half the
     /// time at 30,000 points, a quarter at 100,000 (Stanford dragon), the rotation within 1e-4
     /// degrees. Of no use with kernels of heavy tails as `cauchy`.
@@ -120,7 +120,7 @@ impl Cf {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// Those of [`Describe::validate`], [`Bandwidth::validate`], [`Prior::validate_for`] and
+    /// Those of [`FeatureConfig::validate`], [`Bandwidth::validate`], [`Prior::validate_for`] and
     /// [`check_tolerance`].
     pub fn validate(&self) -> Result<()> {
         self.features.validate()?;
@@ -140,7 +140,7 @@ impl Cf {
     /// # use cfreg::experiment::shape::boulder;
     /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
     /// let cf = Cf::default();
-    /// let registration = cf.register_by(&source, &target, |connection| {
+    /// let registration = cf.register_with(&source, &target, |connection| {
     ///     connection.moments(&|d2: f32| 1.0 / (1.0 + d2 * d2), Normalization::Both)
     /// })?;
     /// println!("{:?}", registration.doubts);

@@ -50,7 +50,7 @@ impl Cfk {
         self.cf.validate()
     }
 
-    /// Registers with weights of one's own, see [`Cf::register_by`].
+    /// Registers with weights of one's own, see [`Cf::register_with`].
     ///
     /// # Errors
     /// As [`Register::register`], and those of `weigh`.

@@ -115,7 +115,7 @@ fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     (mean, ((squares(a) + squares(b)) / n).sqrt())
 }
 
-/// The descriptors of both clouds with their channels beside, as [`Describe::joined`] says;
+/// The descriptors of both clouds with their channels beside, as [`FeatureConfig::concatenate_channels`] says;
 /// `histogram` is that of the descriptors.
 ///
 /// # Errors

@@ -23,7 +23,7 @@ pub struct FeatureConfig {
     /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
     /// under noise. A radius suits clouds of known unit and uneven density.
     pub neighborhood: Neighborhood,
-    /// More scales, whose descriptors are put beside ([`Descriptors::beside`]), so that
+    /// More scales, whose descriptors are put beside ([`Descriptors::concatenate`]), so that
     /// points are alike when they are alike at every scale. Default none, as in the paper.
     pub more_scales: Vec<DescriptorScale>,
     /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
@@ -70,7 +70,7 @@ pub struct FeatureCloud {
     pub(super) descriptors: Descriptors,
     /// Of the points, in shares of the mean over the cloud, where it has any.
     weights: Option<Vec<f32>>,
-    /// Values of [`Describe::channels`] at the points, until they are joined.
+    /// Values of [`FeatureConfig::channels`] at the points, until they are joined.
     pub(super) channels: Vec<Vec<f32>>,
     counts: CloudCounts,
 }
@@ -116,7 +116,7 @@ impl FeatureConfig {
     /// points around them.
     ///
     /// # Errors
-    /// Those of [`prepare`](Self::prepare) and [`Keypoints::detect`];
+    /// Those of [`extract`](Self::extract) and [`Keypoints::detect`];
     /// [`Error::TooFewPoints`] for fewer than three keypoints with a descriptor.
     pub fn extract_at_keypoints(
         &self,
@@ -235,7 +235,7 @@ impl FeatureConfig {
     /// Both clouds of a pair with their channels beside their descriptors, ready to be connected.
     ///
     /// # Errors
-    /// Those of [`prepare_at`](Self::prepare_at) and [`joined`](Self::joined).
+    /// Those of [`extract_at_keypoints`](Self::extract_at_keypoints) and [`concatenate_channels`](Self::concatenate_channels).
     pub(super) fn extract_pair(
         &self,
         [source, target]: [Cached<'_>; 2],

@@ -13,21 +13,21 @@ use crate::quality::Warning;
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.
 ///
-/// Rows that mark missing returns ([`filter::no_returns`](crate::filter::no_returns)) are left out,
+/// Rows that mark missing returns ([`filter::find_no_returns`](crate::filter::find_no_returns)) are left out,
 /// and rows that share a place are one point. Refinements after
 /// [`Consensus`](super::Consensus) leave out all that its search left out, and pairs of ICP are at
 /// most two of its lengths long, unless they are told otherwise. Where the first method has a
 /// verdict, the pose that is returned has a verdict of its own; poses of other methods get one
-/// by [`with_verdict`](Self::with_verdict).
+/// by [`with_verdict`](Self::with_verification).
 ///
 /// The answer is the last registration; the ones before are in its
 /// [`refined_from`](Registration::refined_from), their times in front of its own.
 ///
 /// ```
-/// use cfreg::method::{Chain, Register};
+/// use cfreg::method::{Pipeline, Register};
 /// # use cfreg::experiment::shape::boulder;
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
-/// let chain = Chain::new("cf".parse()?, vec!["icp".parse()?])?;
+/// let chain = Pipeline::new("cf".parse()?, vec!["icp".parse()?])?;
 /// let refined = chain.register(&source, &target)?;
 /// assert_eq!((refined.method, refined.refined_from.unwrap().method), ("icp", "cf"));
 /// # Ok::<(), cfreg::Error>(())
@@ -86,7 +86,7 @@ impl Pipeline {
     }
 
     /// Poses of methods that have no verdict of their own are verified by a search with these
-    /// settings ([`Consensus::judge`]). Where the clouds are too small for one, that is a doubt.
+    /// settings ([`Consensus::verify`]). Where the clouds are too small for one, that is a doubt.
     pub fn with_verification(self, judge: Consensus) -> Self {
         Pipeline { verdict: Some(judge), ..self }
     }
@@ -99,7 +99,7 @@ impl Pipeline {
         Pipeline { keep_no_returns: true, ..self }
     }
 
-    /// Whether [`Method::outweighs_verdict`] holds for the first method or a refinement.
+    /// Whether [`Method::is_slower_than_verdict`] holds for the first method or a refinement.
     pub fn is_slower_than_verdict(&self) -> bool {
         self.first.is_slower_than_verdict()
             || self.refinements.iter().any(Method::is_slower_than_verdict)
@@ -126,7 +126,7 @@ fn limit_distance(method: &Method, found: &Registration) -> Method {
 
 impl Register for Pipeline {
     /// A refinement that finds nothing to hold on to leaves the pose before it as the
-    /// answer, with [`Doubt::NotRefined`].
+    /// answer, with [`Warning::NotRefined`].
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         self.register_cached(source.into(), target.into())
     }

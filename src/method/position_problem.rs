@@ -66,7 +66,7 @@ impl<'a> PositionProblem<'a> {
     }
 
     /// Root mean square distance of the target points to their centroid: the length that
-    /// bandwidths of [`connection`](Self::connection) are measured in.
+    /// bandwidths of [`full_connection`](Self::full_connection) are measured in.
     pub(super) fn rms_radius(&self) -> f64 {
         self.target_index.rms_radius
     }
@@ -105,10 +105,10 @@ impl<'a> PositionProblem<'a> {
     }
 
     /// The full connection by position at `pose`, with the weights of the points: squared
-    /// distances are in squared [`unit`](Self::unit)s.
+    /// distances are in squared [`rms_radius`](Self::rms_radius) units.
     ///
     /// # Errors
-    /// Those of [`moved`](Self::moved).
+    /// Those of [`transform_source`](Self::transform_source).
     pub(super) fn full_connection(&self, pose: &Transform) -> Result<FullConnection> {
         let moved = embed_positions(&self.transform_source(pose)?, self.rms_radius())?;
         let side = |cloud: &'a PointCloud, descriptors| FeatureView {

@@ -76,7 +76,7 @@ pub struct Registration {
     pub refined_from: Option<Box<Registration>>,
 }
 
-/// What a method knows at its end; [`Registration::conclude`] looks at the clouds under
+/// What a method knows at its end; [`Registration::finish`] looks at the clouds under
 /// the pose and adds the verdict.
 pub(super) struct SolvedPose {
     pub(super) transform: Transform,
@@ -157,7 +157,7 @@ impl Registration {
         quality::is_usable(&self.transform, self.trusted, decision)
     }
 
-    /// With a verdict on its pose ([`Consensus::judge`](super::Consensus::judge)), which looks
+    /// With a verdict on its pose ([`Consensus::verify`](super::Consensus::verify)), which looks
     /// closer than agreement and chance and replaces them as grounds for doubt.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {
         self.doubts.retain(|doubt| {
@@ -215,7 +215,7 @@ pub struct CloudCounts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
     pub dropped: usize,
     /// Rows that marked measurements without a return, and were left out
-    /// ([`filter::no_returns`](crate::filter::no_returns)).
+    /// ([`filter::find_no_returns`](crate::filter::find_no_returns)).
     pub no_returns: usize,
     /// Points handed to the method.
     pub used: usize,

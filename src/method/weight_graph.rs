@@ -68,7 +68,7 @@ const MAX_BLOCK_ROWS: usize = 144;
 impl Method {
     /// What this method connects between the clouds that it was given, seen under the `pose` that
     /// it found: its work up to the weights is done again. `None` for those that connect points
-    /// by where the pose puts them, and for weights that have no name ([`Cf::register_by`]).
+    /// by where the pose puts them, and for weights that have no name ([`Cf::register_with`]).
     ///
     /// # Errors
     /// Those of [`Register::register`](super::Register::register).

@@ -16,10 +16,10 @@ use crate::weight::{Bandwidth, KernelVisitor, Normalization, WeightKernel, Weigh
 /// to 2e-4 for FPFH on PCL's scale. Of fewer columns they are sums of squared differences.
 ///
 /// ```
-/// use cfreg::{Descriptors, moments::{Described, FullConnection}, weight::Normalization};
+/// use cfreg::{Descriptors, moments::{FeatureView, FullConnection}, weight::Normalization};
 /// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 /// let descriptors = Descriptors::new(1, vec![0.0, 5.0, 9.0])?;
-/// let side = Described { points: &points, origin: [0.0; 3], descriptors: &descriptors };
+/// let side = FeatureView { points: &points, origin: [0.0; 3], descriptors: &descriptors };
 /// let connection = FullConnection::new(side, side)?;
 /// // A closure is a weight.
 /// let moments = connection.moments(&|d2: f32| (-d2).exp(), Normalization::None)?;
@@ -62,7 +62,7 @@ impl FullConnection {
     ///
     /// It holds for all moments, not for [`source_sums`](Self::source_sums),
     /// [`target_sums`](Self::target_sums) and what is alike. With weights
-    /// [`scheme_moments_within`](Self::scheme_moments_within) leaves nothing out.
+    /// [`pruned_moments`](Self::pruned_moments) leaves nothing out.
     ///
     /// # Errors
     /// [`Error::Shape`] unless there is one weight a point, [`Error::NonFinite`] and
@@ -305,7 +305,7 @@ impl FullConnection {
     }
 }
 
-/// Refuses what is no tolerance of [`FullConnection::scheme_moments_within`].
+/// Refuses what is no tolerance of [`FullConnection::pruned_moments`].
 ///
 /// # Errors
 /// [`Error::Config`] unless `tolerance` is in [0, 1).

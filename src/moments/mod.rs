@@ -4,7 +4,7 @@
 //! returns [`Moments`], in one fused pass over tiles of the distance matrix: tile
 //! filler → weight → reducer. W is never stored; memory is O(N + M).
 //!
-//! Sparse connections, listed pair by pair, go through [`of_pairs`].
+//! Sparse connections, listed pair by pair, go through [`moments_of_pairs`].
 //!
 //! Floors: the tiles are f32, everything summed over more than one tile is f64, tiles
 //! are cut at fixed places and merged in order, so the bits do not depend on the

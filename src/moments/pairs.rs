@@ -30,7 +30,7 @@ const BLOCK: usize = 1024;
 /// use cfreg::{PointCloud, moments::{self, WeightedPair}};
 /// let cloud = PointCloud::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])?;
 /// let pairs = [0, 1, 2].map(|i| WeightedPair { source: i, target: i, weight: 0.5 });
-/// assert_eq!(moments::of_pairs(&cloud, &cloud, &pairs)?.weight, 1.5);
+/// assert_eq!(moments::moments_of_pairs(&cloud, &cloud, &pairs)?.weight, 1.5);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub fn moments_of_pairs(

@@ -13,10 +13,10 @@ pub const MAX_THREADS: usize = 1024;
 
 /// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
 /// machine has cores (or as the pool has in which the caller already is). Within a
-/// [`crew`](super::crew) on the caller's alone, whatever `threads` says.
+/// [`worker_pool`](super::worker_pool()) on the caller's alone, whatever `threads` says.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MOST_THREADS`], or when the system does not give that
+/// [`Error::Config`] for more than [`MAX_THREADS`], or when the system does not give that
 /// many.
 ///
 /// ```
@@ -43,7 +43,7 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
 /// Refuses a number of threads that no machine has.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MOST_THREADS`].
+/// [`Error::Config`] for more than [`MAX_THREADS`].
 pub fn check_threads(threads: usize) -> Result<()> {
     if threads > MAX_THREADS {
         return Err(Error::config("threads", threads, format!("must be at most {MAX_THREADS}")));

@@ -13,7 +13,7 @@ thread_local! {
     static IS_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether the caller is one of a [`crew`], whose work stays on its thread.
+/// Whether the caller is one of a [`worker_pool`], whose work stays on its thread.
 pub fn in_worker() -> bool {
     IS_WORKER.get()
 }
@@ -27,7 +27,7 @@ pub fn in_worker() -> bool {
 /// their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MOST_THREADS`](super::MOST_THREADS), or when the system does
+/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system does
 /// not give that many.
 ///
 /// # Panics
@@ -36,7 +36,7 @@ pub fn in_worker() -> bool {
 /// ```
 /// use std::{ops::ControlFlow, time::Duration};
 /// let mut squares = Vec::new();
-/// cfreg::par::crew(2, 0..5, |i| i * i, Duration::from_secs(1), |square| {
+/// cfreg::par::worker_pool(2, 0..5, |i| i * i, Duration::from_secs(1), |square| {
 ///     squares.extend(square);
 ///     ControlFlow::Continue(())
 /// })?;

@@ -13,7 +13,7 @@ pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
 
 /// Agreement of two clouds under a pose.
 ///
-/// Serialises with its [`agreement`](Self::agreement).
+/// Serialises with its [`chance_corrected_fitness`](Self::chance_corrected_fitness).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evaluation {
     /// Share of the *source* points that have a target point within

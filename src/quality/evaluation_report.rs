@@ -22,7 +22,7 @@ pub struct EvaluationReport {
 /// [`default_distance`].
 ///
 /// # Errors
-/// Those of [`evaluate`] and [`default_distance`].
+/// Those of [`evaluate()`] and [`default_distance`].
 ///
 /// ```
 /// use cfreg::{PointCloud, Transform, quality};

@@ -21,7 +21,7 @@ pub enum Decision {
     /// Take it.
     Accept,
     /// It, or another one that is about as good: see [`Verdict::runner_up`], and the
-    /// [`undetermined`](PoseCovariance::undetermined) motions, along which all are.
+    /// [`undetermined`](PoseCovariance::unobservable) motions, along which all are.
     Ambiguous,
     /// It is probably wrong; the clouds may show nothing in common.
     Reject,

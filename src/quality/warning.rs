@@ -57,30 +57,30 @@ pub enum Warning {
     /// The clouds hardly lie on each other better than under a wrong rotation.
     #[serde(rename = "low-agreement")]
     LowFitness {
-        /// [`Evaluation::agreement`] of the pose.
+        /// [`Evaluation::chance_corrected_fitness`] of the pose.
         found: f64,
-        /// [`MIN_AGREEMENT`] or [`MIN_AGREEMENT_BY_POSITION`].
+        /// [`MIN_CHANCE_CORRECTED_FITNESS`] or [`MIN_CHANCE_CORRECTED_FITNESS_LOCAL`].
         needed: f64,
     },
     /// Wrong rotations lay the clouds on each other nearly as well: they are small, round or
     /// filled, and agreement tells little.
     #[serde(rename = "high-chance")]
     HighChanceFitness {
-        /// [`Evaluation::chance`].
+        /// [`Evaluation::chance_fitness`].
         found: f64,
-        /// [`MAX_CHANCE`], or with a verdict [`MAX_CHANCE_VERIFIED`].
+        /// [`MAX_CHANCE_FITNESS`], or with a verdict [`MAX_CHANCE_FITNESS_VERIFIED`].
         most: f64,
     },
     /// A verdict was asked for, and the clouds have too few points or too little shape for one.
     NotVerified,
-    /// Beside [`LowAgreement`](Self::LowAgreement): no viewpoint is known of a cloud, so that its
+    /// Beside [`LowFitness`](Self::LowFitness): no viewpoint is known of a cloud, so that its
     /// normals point to the origin of its frame, wherever that is.
     NoViewpoint,
     /// The weights hardly determine the rotation about one axis.
     WeakRotation {
         /// Second relative singular value.
         found: f64,
-        /// [`MIN_SINGULAR_VALUE`].
+        /// [`MIN_SECOND_SINGULAR_VALUE`].
         needed: f64,
     },
     /// The connected points lie in a plane, in which one cloud slides and turns on the other:
@@ -88,7 +88,7 @@ pub enum Warning {
     Flat {
         /// Third relative singular value.
         found: f64,
-        /// [`FLAT`].
+        /// [`MIN_THIRD_SINGULAR_VALUE`].
         needed: f64,
     },
     /// The iterations ended at their limit, not at a fixed point.
@@ -125,7 +125,7 @@ pub enum Warning {
     Improbable {
         /// [`Verdict::probability`].
         found: f64,
-        /// [`ACCEPT`].
+        /// [`MIN_ACCEPTED_PROBABILITY`].
         needed: f64,
     },
     /// Another pose is about as good: the clouds are symmetric, or repeat.

@@ -139,7 +139,7 @@ impl<'a> Pair<'a> {
     ///
     /// # Errors
     /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud, those of
-    /// [`Method::connections`](crate::method::Method::connections) but for what the page says
+    /// [`Method::weight_graph`](crate::method::Method::weight_graph) but for what the page says
     /// itself, and those of drawing.
     pub fn html(&self) -> Result<String> {
         let facts = &self.facts;

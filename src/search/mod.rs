@@ -3,7 +3,7 @@
 //! Distances are Euclidean, squared where the name says so, between f32 positions that
 //! share an origin. Equal distances are ordered by index. [`SearchTree`] answers from any
 //! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
-//! [`Closest`] tells distances alone, [`Vicinity`] what is too far to ask about.
+//! [`NearestDistances`] tells distances alone, [`OccupancyGrid`] what is too far to ask about.
 
 mod leaves;
 mod nearest;

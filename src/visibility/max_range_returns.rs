@@ -147,7 +147,7 @@ struct Sphere {
 }
 
 impl Sphere {
-    /// The sphere that holds `points`, but for strays, and has most of them on it, at least [`THROUGH`], to
+    /// The sphere that holds `points`, but for strays, and has most of them on it, at least [`MIN_ON_SPHERE`], to
     /// within a share `depth` of its radius: through four at random, then through all that are
     /// near.
     fn fit_robust(points: &[Vec3], depth: f64) -> Option<Sphere> {

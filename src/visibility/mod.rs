@@ -1,8 +1,8 @@
 //! What a sensor saw, and from where.
 //!
 //! A scan says more than where surfaces are: everything between the sensor and them was empty.
-//! [`DepthImage`] keeps that, [`viewpoint`] finds the place of the sensor where no file tells it,
-//! [`RangeLimit`] the points that are no surface.
+//! [`DepthImage`] keeps that, `viewpoint` finds the place of the sensor where no file tells it,
+//! [`MaxRangeReturns`] the points that are no surface.
 
 mod depth_image;
 mod max_range_returns;

@@ -2,7 +2,7 @@
 //!
 //! From the sensor's place no surface hides another and few are seen at a grazing angle. From
 //! another place both happen. That leaves two places open for a shell: an object seen from
-//! outside looks like a hollow seen from within. [`Viewpoints::find`] gives the best of each.
+//! outside looks like a hollow seen from within. [`ViewpointEstimates::compute`] gives the best of each.
 
 use super::{NearestDepths, Pixel, fibonacci_directions, median, record_nearest};
 use crate::math::{self, Vec3};
@@ -28,7 +28,7 @@ pub enum ViewpointSide {
     Inside,
 }
 
-/// The best viewpoints, with what speaks against each ([`Sight::implausible`]).
+/// The best viewpoints, with what speaks against each ([`OrientedSample::visibility_cost`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewpointEstimates {
     /// From outside.

@@ -208,7 +208,7 @@ impl PointCloud {
     }
 
     /// Rows that marked measurements without a return and were left out
-    /// ([`filter::without_no_returns`](crate::filter::without_no_returns)).
+    /// ([`filter::remove_no_returns`](crate::filter::remove_no_returns)).
     pub fn no_returns(&self) -> usize {
         self.no_returns
     }

@@ -92,7 +92,7 @@ pub struct Row {
 /// A method by its name, refinements after `+`: `cf-multiscale+gicp`.
 ///
 /// # Errors
-/// Those of its parts and of [`Chain::new`].
+/// Those of its parts and of [`Pipeline::new`].
 pub fn method(name: &str) -> Result<Pipeline> {
     let mut parts = name.split('+').map(str::parse);
     let first = parts.next().unwrap_or_else(|| "".parse())?;
@@ -106,7 +106,7 @@ pub fn method(name: &str) -> Result<Pipeline> {
 /// and all of them.
 ///
 /// # Errors
-/// Those of reading clouds; [`Error::Config`] for an `output` made by other settings. A pair
+/// Those of reading clouds; [`Error::Config`](crate::Error::Config) for an `output` made by other settings. A pair
 /// without an answer is a row.
 pub fn run(
     pairs: &[Pair],

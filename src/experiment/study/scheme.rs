@@ -13,8 +13,8 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 /// Any scheme of one's own takes part:
 ///
 /// ```
-/// use cfreg::{experiment::study::Scheme, method::Describe, weight::Normalization};
-/// let mine = Scheme::new("quartic", Describe::default(), |connection| {
+/// use cfreg::{experiment::study::Scheme, method::FeatureConfig, weight::Normalization};
+/// let mine = Scheme::new("quartic", FeatureConfig::default(), |connection| {
 ///     let kernel = |d2: f32| 1.0 / (1.0 + d2 * d2 * 1e-4);
 ///     connection.moments(&kernel, Normalization::Both)
 /// });

@@ -7,7 +7,7 @@ use super::{ConsensusSearch, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::quality::PoseCovariance;
 
-/// Bounds of [`Standing::spread`]: better than the first or worse than the second tells no more.
+/// Bounds of [`Confidence::translation_std`]: better than the first or worse than the second tells no more.
 const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
 
 /// What the probability of a pose is made of.
@@ -23,7 +23,7 @@ pub(super) struct Confidence {
 impl Confidence {
     /// The logarithm of the odds that an answer is right.
     ///
-    /// [`Evidence::log_odds`] ranks the poses of a pair; chance has a best one for every pair, on
+    /// [`PoseEvidence::log_odds`] ranks the poses of a pair; chance has a best one for every pair, on
     /// which other seeds do not agree and which slides. Logistic, fitted on the answers to 924
     /// pairs, 470 of which have nothing in common, with the sensors' places known and not
     /// (`python-ref/verdict.sh`).

@@ -21,7 +21,7 @@ pub(super) struct PoseEvidence {
     /// How much more alike than chance the surfaces look where they lie on each other, in nats
     /// a point, both directions together.
     pub(super) descriptor_distinctiveness: f64,
-    /// Matches that agree ([`Matches::support`]).
+    /// Matches that agree ([`Correspondences::inlier_score`]).
     pub(super) inlier_score: f64,
     /// Share of the points that stand where the other's sensor looked through, both directions
     /// together; `None` where no sensor's place is known.
@@ -71,9 +71,9 @@ impl PoseEvidence {
     ///
     /// Logistic in what speaks for a pose, fitted on poses that this method settled for real
     /// pairs. Constants fitted anew are no better at places that they have not seen
-    /// (`python-ref/verdict.sh`). What is told of the answer is [`Standing::log_odds`].
+    /// (`python-ref/verdict.sh`). What is told of the answer is [`Confidence::log_odds`].
     ///
-    /// [`Standing::log_odds`]: super::standing::Standing::log_odds
+    /// [`Confidence::log_odds`]: super::confidence::Confidence::log_odds
     pub(super) fn log_odds(&self) -> f64 {
         let overlap = (self.overlap + 0.01).ln();
         let likeness = (self.descriptor_distinctiveness + 0.1).max(0.01).ln();

@@ -67,7 +67,7 @@ impl<'a> FilteredCloud<'a> {
         Cached { cloud: self.cloud(), cache: Some(&self.filtered.cache) }
     }
 
-    /// [`filter::voxel_side`] of so many points.
+    /// [`filter::voxel_size_for`] of so many points.
     pub(super) fn voxel_size_for(&self, points: usize) -> Result<f64> {
         let side = || filter::voxel_size_for(self.cloud(), points);
         self.cached().get_or_compute(VoxelSizeKey(points), side).map(|side| *side)

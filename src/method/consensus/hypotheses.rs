@@ -22,7 +22,7 @@ const SEED_NEIGHBORS: usize = 12;
 /// Matches that are solved before those that their poses explain are passed over.
 const SEED_BATCH: usize = 8;
 /// Bounds of the distances within which matches agree with a pose, step by step, in
-/// [`COMPATIBLE`] lengths.
+/// [`MAX_LENGTH_DIFFERENCE`] lengths.
 const INLIER_SCHEDULE: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
 
 /// Matched points, each about its surface's origin.
@@ -71,7 +71,7 @@ impl Correspondences {
         math::dot(off, off)
     }
 
-    /// Matches that agree with `pose` ([`Hypothesis::support`]).
+    /// Matches that agree with `pose` ([`Hypothesis::inlier_score`]).
     pub(super) fn inlier_score(&self, pose: &Transform) -> f64 {
         self.inlier_weights(pose).sum()
     }

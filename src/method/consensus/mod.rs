@@ -46,7 +46,7 @@ use crate::pose::{Prior, ScaleEstimate};
 /// not matter, nor where the clouds stand. Where the place of a sensor is known
 /// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
 /// where it is not, it is guessed. Returns at the limit of a sensor's range are no surface and
-/// left out ([`RangeLimit`](crate::visibility::RangeLimit)). Where a pose lays one sensor on the
+/// left out ([`MaxRangeReturns`](crate::visibility::MaxRangeReturns)). Where a pose lays one sensor on the
 /// other, what is near to them is left out as well: a vehicle, or whoever carries the sensor, is
 /// seen alike from wherever it goes.
 ///
@@ -70,7 +70,7 @@ use crate::pose::{Prior, ScaleEstimate};
 #[serde(default)]
 pub struct Consensus {
     /// The length that all others follow from, in the unit of the coordinates, above 0: clouds
-    /// are thinned to one point per cube of this side. Default [`filter::voxel_side`] of 5000
+    /// are thinned to one point per cube of this side. Default [`filter::voxel_size_for`](crate::filter::voxel_size_for) of 5000
     /// points, of the cloud where it is longer.
     pub voxel: Option<f64>,
     /// Matches from which a pose is sought, at least 1; default 200. More find smaller
@@ -81,17 +81,17 @@ pub struct Consensus {
     /// is taken after each step.
     pub prior: Prior,
     /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, as
-    /// [`Describe::joined`](super::Describe::joined) says; default none. They find matches and
+    /// [`FeatureConfig::concatenate_channels`](super::FeatureConfig::concatenate_channels) says; default none. They find matches and
     /// count where surfaces look alike; the pose is settled on the shape alone.
     pub channels: Vec<Channel>,
     /// Whether returns at the limit of a sensor's range are looked for and left out; default
     /// true. False where a round wall or a sky that was modelled is taken for such: the reasons
     /// of the verdict say how many points are left out.
     pub range_limit: bool,
-    /// Whether rows that mark measurements without a return ([`filter::no_returns`]) are kept;
+    /// Whether rows that mark measurements without a return ([`filter::find_no_returns`]) are kept;
     /// default false: they are left out, and counted in [`Registration::points`].
     ///
-    /// [`filter::no_returns`]: crate::filter::no_returns
+    /// [`filter::find_no_returns`]: crate::filter::find_no_returns
     pub keep_no_returns: bool,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,

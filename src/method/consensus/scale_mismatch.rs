@@ -20,7 +20,7 @@ const TANGENTIAL_WEIGHT: f64 = 0.05;
 /// A scale that is nearer to 1 is a sensor's, not a unit's.
 const MIN_SCALE_CHANGE: f64 = 0.02;
 /// How much more of the surfaces lies on each other at another scale, from which on it is told.
-/// Of 135 right poses of real pairs 14 settle on a scale farther than [`NEAR`], and gain 0.04 at
+/// Of 135 right poses of real pairs 14 settle on a scale farther than [`MIN_SCALE_CHANGE`], and gain 0.04 at
 /// most; where the scale is off by 5 % it is 0.07 to 0.24.
 const MIN_OVERLAP_GAIN: f64 = 0.05;
 

@@ -27,7 +27,7 @@ pub(super) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
 const NORMAL_NEIGHBORS: usize = 20;
 /// Nearest points that make a descriptor.
 const DESCRIPTOR_NEIGHBORS: usize = 100;
-/// What may speak against the origin of a frame ([`Sight::implausible`]) that is tried as the
+/// What may speak against the origin of a frame ([`OrientedSample::visibility_cost`]) that is tried as the
 /// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
 /// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
 const MAX_ORIGIN_COST: f64 = 0.2;
@@ -84,7 +84,7 @@ pub(super) struct Surface {
     /// Unit vectors.
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) descriptors: Descriptors,
-    /// Beside the descriptors until they are [`compared`](Self::compare).
+    /// Beside the descriptors until they are [appended](Self::append_channels).
     channels: Vec<Vec<f32>>,
     /// How much points count; all alike where the cloud has no weights.
     weights: Option<Vec<f32>>,
@@ -322,7 +322,7 @@ impl Surface {
     }
 
     /// The point nearest to `place`; none, mostly, where it is more than
-    /// [`FARTHEST`] away.
+    /// [`SEARCH_RADIUS`] away.
     pub(super) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
         self.occupancy.may_contain(&place).then(|| self.tree.nearest(&place))

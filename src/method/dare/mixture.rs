@@ -3,7 +3,7 @@
 //! Each component has its own variance, so a connection's weight is no function of the
 //! distance alone and the tiles of [`crate::moments`] do not serve. But an isotropic
 //! Gaussian sees of a cloud only the mass, centroid and scatter it is responsible for:
-//! one pass over N·K leaves a [`Cluster`] a component, and poses, means and variances
+//! one pass over N·K leaves a [`ComponentStatistics`] a component, and poses, means and variances
 //! follow from these in O(K). The responsibilities are never stored.
 
 use pulp::{Simd, WithSimd};

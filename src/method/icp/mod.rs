@@ -118,7 +118,7 @@ impl Default for Icp {
 /// Steps within which a pose that comes back is at rest: a few sets of pairs then lead to
 /// each other without end. Five of 38 refinements of scans by the surface metrics did.
 const CYCLE_LENGTH: usize = 8;
-/// Hold of the surfaces below which a pose is doubted ([`Doubt::Slides`]).
+/// Hold of the surfaces below which a pose is doubted ([`Warning::Degenerate`]).
 const MIN_PIVOT: f64 = 1e-4;
 
 impl Icp {

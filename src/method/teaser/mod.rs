@@ -137,7 +137,7 @@ impl Teaser {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`Error::Config`] that names the setting; those of [`Describe::validate`].
+    /// [`Error::Config`] that names the setting; those of [`FeatureConfig::validate`].
     pub fn validate(&self) -> Result<()> {
         self.features.validate()?;
         if let Some(bound) = self.noise_bound.filter(|&x| !(x > 0.0 && x <= 1e15)) {

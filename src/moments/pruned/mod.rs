@@ -9,10 +9,10 @@
 //!
 //! # Why it holds
 //! Kernels of the catalogue never grow with d², so a lower bound of the distance of a target
-//! from a block of sources ([`Compact::distances_from`]) bounds all its weights in that
+//! from a block of sources ([`BoundedSide::distance_bounds`]) bounds all its weights in that
 //! block. In each block the targets of the largest bounds are weighed first, then as many as
 //! are needed until the bounds of the rest sum to at most a share of what has been weighed,
-//! which is at most that share of all there is ([`Budget`]). Blocks add up.
+//! which is at most that share of all there is ([`PruningBudget`]). Blocks add up.
 //!
 //! Row and column sums keep the promise row by row: a sum r̃ of what is kept has
 //! (1 − η) r ≤ r̃ ≤ r. Factors made of them are off by a factor of κ = (1 − η)⁻ᵖ at most, p = 1

@@ -15,7 +15,7 @@ pub const NORMALIZATIONS: [Normalization; 5] = [
     Normalization::Sinkhorn(10),
 ];
 
-/// What [`Described`] borrows.
+/// What [`FeatureView`] borrows.
 #[derive(Debug, Clone)]
 pub struct Side {
     pub points: Vec<[f32; 3]>,
