@@ -18,7 +18,7 @@ use cfreg::moments::{FeatureView, FullConnection};
 use cfreg::normals::{self, Orientation};
 use cfreg::search::{Neighborhood, Neighbors, resolution};
 use cfreg::weight::{Normalization, WeightScheme};
-use cfreg::{Descriptors, PointCloud, Transform, par, quality};
+use cfreg::{Descriptors, PointCloud, Transform, par, verify};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -119,8 +119,8 @@ fn main() {
             dense.measure(n, || moments(0.0));
             within.measure(n, || moments(1e-3));
             look.measure(n, || {
-                let distance = quality::default_distance(&source.cloud, &target.cloud, 1.0)?;
-                quality::evaluate(&source.cloud, &target.cloud, &Transform::IDENTITY, distance)
+                let distance = verify::default_distance(&source.cloud, &target.cloud, 1.0)?;
+                verify::evaluate(&source.cloud, &target.cloud, &Transform::IDENTITY, distance)
             });
             eprintln!("{n} points done");
         }

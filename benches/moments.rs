@@ -19,7 +19,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::method::{FeatureConfig, Timings};
 use cfreg::moments::{FeatureView, FullConnection, naive};
 use cfreg::pose::{self, ScaleEstimate, Solver};
-use cfreg::quality::pose_error;
+use cfreg::verify::pose_error;
 use cfreg::weight::{Gaussian, Normalization, WeightScheme};
 use cfreg::{Descriptors, par};
 

@@ -3,7 +3,7 @@
 //! Every variant carries what clashed, so that a message names the file, line,
 //! field or value and what to do about it. `Err` means that an answer could not
 //! be computed; an answer with grounds for doubt is `Ok` with those grounds
-//! inside (see [`crate::quality`]).
+//! inside (see [`crate::verify`]).
 
 use std::path::{Path, PathBuf};
 

@@ -20,7 +20,7 @@ pub mod par;
 pub mod pose;
 #[cfg(feature = "python")]
 mod python;
-pub mod quality;
+pub mod verify;
 #[cfg(feature = "report")]
 pub mod report;
 pub mod search;

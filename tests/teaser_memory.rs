@@ -5,7 +5,7 @@
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::Teaser;
-use cfreg::quality::Warning;
+use cfreg::verify::Warning;
 use cfreg::{PointCloud, Transform, math};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};

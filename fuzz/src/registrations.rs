@@ -3,7 +3,7 @@
 use cfreg::Error;
 use cfreg::experiment::benchmark;
 use cfreg::method::{Consensus, Method, Register, Registration};
-use cfreg::quality::{Decision, Verdict};
+use cfreg::verify::{Decision, Verdict};
 use serde_json::{Value, json};
 
 use super::bytes::Bytes;

@@ -8,7 +8,7 @@ use crate::cloud::Transform;
 use crate::io;
 use crate::math::cholesky::Mat6;
 use crate::method::Registration;
-use crate::quality::{self, Decision};
+use crate::verify::{self, Decision};
 
 /// One pair: its pose, and how far to trust it. What a method does not tell is `None`, an empty
 /// cell in CSV and null in JSON Lines and Parquet; a pair without an answer has `index`,
@@ -46,7 +46,7 @@ pub struct Row {
     pub scale: Option<f64>,
     /// Covariance of the pose, upper triangle row by row: rotation vector (radians), then shift
     /// (the target's unit), of a motion about `center` after the pose
-    /// ([`PoseCovariance`](quality::PoseCovariance)).
+    /// ([`PoseCovariance`](verify::PoseCovariance)).
     pub covariance: Option<[f64; 21]>,
     /// Its inverse, as an edge of a graph of poses weighs it: 0 along motions that nothing holds.
     pub information: Option<[f64; 21]>,
@@ -119,12 +119,12 @@ impl Row {
     }
 
     /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
-    /// one, and it is finite and proper ([`is_usable`](crate::quality::is_usable)).
+    /// one, and it is finite and proper ([`is_usable`](crate::verify::is_usable)).
     pub fn is_usable(&self) -> bool {
         let decision = self.decision.as_deref().map(str::parse::<Decision>).transpose();
         match (self.transform(), decision) {
             (Some(pose), Ok(decision)) if self.error.is_none() => {
-                quality::is_usable(&pose, self.trusted == Some(true), decision)
+                verify::is_usable(&pose, self.trusted == Some(true), decision)
             }
             _ => false,
         }

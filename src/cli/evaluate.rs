@@ -11,7 +11,7 @@ use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::quality::{self, EvaluationReport, Verdict};
+use crate::verify::{self, EvaluationReport, Verdict};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -70,7 +70,7 @@ impl Evaluate {
         let files = [self.source.as_path(), &self.target];
         let [source, target] =
             reading::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
-        let judgement = quality::evaluate_with_truth(
+        let judgement = verify::evaluate_with_truth(
             &source,
             &target,
             &transform,
@@ -89,7 +89,7 @@ impl Evaluate {
         };
         let verdict = self.verdict.then(verdict).transpose()?;
         let decision = verdict.as_ref().map(|verdict| verdict.decision);
-        let usable = quality::is_usable(&transform, true, decision);
+        let usable = verify::is_usable(&transform, true, decision);
         if self.json {
             print_json(&Answer { judgement, verdict })?;
         } else {

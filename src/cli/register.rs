@@ -12,7 +12,7 @@ use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
-use crate::quality::Warning;
+use crate::verify::Warning;
 use crate::report::Pair;
 use crate::{io, par};
 

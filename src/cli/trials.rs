@@ -17,7 +17,7 @@ use crate::experiment::shape::boulder;
 use crate::experiment::{Model, Motion};
 use crate::io;
 use crate::method::{Register, Registration};
-use crate::quality::{PoseError, pose_error};
+use crate::verify::{PoseError, pose_error};
 
 #[derive(Args)]
 pub(super) struct Demo {

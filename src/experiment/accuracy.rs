@@ -6,7 +6,7 @@ use super::protocol::{Draw, Protocol, Viewpoint};
 use super::{Model, Motion, Spread};
 use crate::error::{Error, Result};
 use crate::method::Register;
-use crate::quality::PoseError;
+use crate::verify::PoseError;
 
 /// Settings of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -8,7 +8,7 @@ use super::{Model, Motion};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
-use crate::quality::{PoseError, pose_error};
+use crate::verify::{PoseError, pose_error};
 
 /// Raised whenever a trial of the same settings comes out otherwise than before: results
 /// that are kept are not mixed with others then.

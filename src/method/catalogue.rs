@@ -11,7 +11,7 @@ use super::{
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::pose::Prior;
-use crate::{par, quality};
+use crate::{par, verify};
 
 /// A named method with its configuration: what `--method` chooses, and what a
 /// [`Registration`] carries as the record of how it was made.
@@ -136,9 +136,9 @@ impl Method {
             Method::Consensus(_) => f64::NEG_INFINITY,
             Method::Dare(_) => dare::MIN_CHANCE_CORRECTED_FITNESS,
             method if method.as_refinement().is_some() => {
-                quality::MIN_CHANCE_CORRECTED_FITNESS_LOCAL
+                verify::MIN_CHANCE_CORRECTED_FITNESS_LOCAL
             }
-            _ => quality::MIN_CHANCE_CORRECTED_FITNESS,
+            _ => verify::MIN_CHANCE_CORRECTED_FITNESS,
         }
     }
 

@@ -12,7 +12,7 @@ use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{MIN_KEYPOINTS, Warning};
+use crate::verify::{MIN_KEYPOINTS, Warning};
 use crate::search::Neighborhood;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 

@@ -15,7 +15,7 @@ use crate::par;
 /// By default a seventh to a fifth of the points; on the paper's protocols the median error
 /// is then up to an eighth above [`Cf`]'s ([`Sift`] has the figures, and those of fewer
 /// keypoints). The result counts the keypoints of either cloud. Fewer than three are an
-/// error, fewer than [`MIN_KEYPOINTS`](crate::quality::MIN_KEYPOINTS) a doubt.
+/// error, fewer than [`MIN_KEYPOINTS`](crate::verify::MIN_KEYPOINTS) a doubt.
 ///
 /// PCL describes the mean of a voxel where [`Sift`] finds an extremum, this the cloud's
 /// point nearest to it.

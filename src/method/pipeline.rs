@@ -8,7 +8,7 @@ use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp}
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
-use crate::quality::Warning;
+use crate::verify::Warning;
 
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.

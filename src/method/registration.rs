@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
 use crate::par;
-use crate::quality::{self, Evaluation, Verdict, Warning};
+use crate::verify::{self, Evaluation, Verdict, Warning};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
@@ -98,7 +98,7 @@ impl Registration {
     /// The registration that was found, with the verdict on it.
     ///
     /// # Errors
-    /// Those of [`quality::evaluate`].
+    /// Those of [`verify::evaluate`].
     pub(super) fn finish(
         found: SolvedPose,
         source: Cached<'_>,
@@ -107,18 +107,18 @@ impl Registration {
         let SolvedPose { transform, moments, singular_values, mut times, mut doubts, .. } = found;
         let evaluation = times.time("evaluate", || {
             let [from, onto] = par::join_pair([source, target], |side| side.resolution())?;
-            let distance = quality::default_distance_from_resolutions(from, onto, transform.scale);
-            quality::evaluate(source.cloud, target.cloud, &transform, distance)
+            let distance = verify::default_distance_from_resolutions(from, onto, transform.scale);
+            verify::evaluate(source.cloud, target.cloud, &transform, distance)
         })?;
         if found.stop == StopReason::IterationLimit {
             doubts.push(Warning::NotConverged { iterations: found.iterations });
         }
         let needed = found.config.min_chance_corrected_fitness();
-        let (chance, most) = (evaluation.chance_fitness, quality::MAX_CHANCE_FITNESS);
+        let (chance, most) = (evaluation.chance_fitness, verify::MAX_CHANCE_FITNESS);
         if found.config.relies_on_fitness() && chance > most {
             doubts.push(Warning::HighChanceFitness { found: chance, most });
         }
-        doubts.extend(quality::find_warnings(&evaluation, singular_values, needed));
+        doubts.extend(verify::find_warnings(&evaluation, singular_values, needed));
         let low = doubts.iter().any(|doubt| matches!(doubt, Warning::LowFitness { .. }));
         let by_origin = |counts: &CloudCounts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
         if low && (by_origin(&found.points.source) || by_origin(&found.points.target)) {
@@ -151,10 +151,10 @@ impl Registration {
 
 impl Registration {
     /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
-    /// one, and it is finite and proper ([`quality::is_usable`]).
+    /// one, and it is finite and proper ([`verify::is_usable`]).
     pub fn is_usable(&self) -> bool {
         let decision = self.verdict.as_ref().map(|verdict| verdict.decision);
-        quality::is_usable(&self.transform, self.trusted, decision)
+        verify::is_usable(&self.transform, self.trusted, decision)
     }
 
     /// With a verdict on its pose ([`Consensus::verify`](super::Consensus::verify)), which looks
@@ -173,7 +173,7 @@ impl Registration {
     /// channels nor a prior tell them apart, the pose is ambiguous.
     pub(super) fn with_verdict_from(self, verdict: Verdict, judge: &Consensus) -> Self {
         let found = self.evaluation.chance_fitness;
-        let most = quality::MAX_CHANCE_FITNESS_VERIFIED;
+        let most = verify::MAX_CHANCE_FITNESS_VERIFIED;
         if found <= most || !judge.channels.is_empty() || !judge.prior.is_none() {
             return self.with_verdict(verdict);
         }

@@ -20,7 +20,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::method::{Method, Pipeline, Register, Registration};
 use crate::pose::nearest_rotation;
-use crate::quality;
+use crate::verify;
 use crate::weight::Normalization;
 
 /// Name and settings, as a JSON object.
@@ -179,7 +179,7 @@ pub(super) fn evaluate(
     let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
     let judgement = released(py, || {
-        quality::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref())
+        verify::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref())
     })?;
     to_json(&judgement)
 }
@@ -216,7 +216,7 @@ pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
-/// Whether a pose may be used: `quality::is_usable`. What is no pose may not.
+/// Whether a pose may be used: `verify::is_usable`. What is no pose may not.
 #[pyfunction]
 #[pyo3(signature = (transform, trusted, decision=None))]
 pub(super) fn is_usable(
@@ -226,5 +226,5 @@ pub(super) fn is_usable(
 ) -> PyResult<bool> {
     let decision = decision.map(str::parse).transpose().map_err(exception)?;
     let pose = Transform::from_matrix(transform);
-    Ok(pose.is_ok_and(|pose| quality::is_usable(&pose, trusted, decision)))
+    Ok(pose.is_ok_and(|pose| verify::is_usable(&pose, trusted, decision)))
 }

@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::experiment::figure::Figure;
 use crate::math::{self, Vec3};
 use crate::method::Method;
-use crate::quality;
+use crate::verify;
 use crate::search;
 
 /// Two clouds, and what was found of them.
@@ -242,7 +242,7 @@ impl<'a> Pair<'a> {
             Some(distance) => Ok(distance),
             None => {
                 let scale = self.facts.transform.scale;
-                let found = quality::default_distance(self.source, self.target, scale)?;
+                let found = verify::default_distance(self.source, self.target, scale)?;
                 Ok(if found > 0.0 { found } else { 1.0 })
             }
         }

@@ -13,7 +13,7 @@ const FLOORS: &[(u8, &[&str])] = &[
     (1, &["cloud", "weight"]),
     (2, &["io", "search", "moments"]),
     (3, &["filter", "normals", "keypoint", "descriptor", "pose", "visibility"]),
-    (4, &["quality"]),
+    (4, &["verify"]),
     (5, &["method"]),
     (6, &["batch"]),
     (7, &["experiment"]),

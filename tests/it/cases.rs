@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
-use cfreg::{io, quality};
+use cfreg::{io, verify};
 use serde_json::Value;
 
 /// The folder of one kind, or `None` after a line that says why.
@@ -40,7 +40,7 @@ fn registered(folder: &Path, line: &str, truth: &str) -> (Value, [f64; 2], Strin
     let pose: [[f64; 4]; 4] = serde_json::from_slice(&pose).unwrap();
     let pose = cfreg::Transform::from_matrix(pose).unwrap();
     let truth = io::read_transform(folder.join(truth)).unwrap();
-    let off = quality::pose_error(&pose, &truth, source.centroid());
+    let off = verify::pose_error(&pose, &truth, source.centroid());
     (answer, [off.rotation_deg, off.translation], said(&output))
 }
 

@@ -12,7 +12,7 @@ use cfreg::math::{self, Vec3};
 use cfreg::method::{Cfk, FeatureConfig, Method, Register, Registration, Timings};
 use cfreg::moments::FullConnection;
 use cfreg::normals::{self, Orientation};
-use cfreg::quality::{MIN_KEYPOINTS, Warning};
+use cfreg::verify::{MIN_KEYPOINTS, Warning};
 use cfreg::search::{Neighborhood, Neighbors};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform, par};
@@ -185,7 +185,7 @@ fn any_rotation_is_found_from_keypoints() {
         let source = cloud(3000, 1);
         let target = cloud(3000, 2).transformed(&truth).unwrap();
         let found = cfk(keypoints).register(&source, &target).unwrap();
-        let error = cfreg::quality::pose_error(&found.transform, &truth, source.centroid());
+        let error = cfreg::verify::pose_error(&found.transform, &truth, source.centroid());
         assert!(error.rotation_deg < bound, "{}: {error:?}", keypoints.name());
         let counts = [found.points.source, found.points.target];
         for (cloud, count) in [&source, &target].into_iter().zip(counts) {
@@ -333,7 +333,7 @@ fn real_scans_have_keypoints_that_register_them() {
             let cfk = Cfk { keypoints, ..Cfk::default() };
             assert_eq!(cfk.cf.features, FeatureConfig::default());
             let found = cfk.register(&scan, &moved).unwrap();
-            let error = cfreg::quality::pose_error(&found.transform, &truth, scan.centroid());
+            let error = cfreg::verify::pose_error(&found.transform, &truth, scan.centroid());
             let what = format!("{file} {}: {error:?} {:?}", keypoints.name(), found.points);
             assert!(error.rotation_deg < 5.0, "{what}");
             assert!(found.points.source.keypoints > Some(100), "{what}");

@@ -1,10 +1,10 @@
 //! Channels of clouds: from file to file, and where shape alone says nothing.
 
 use cfreg::method::{Cf, Channel, Consensus, FeatureConfig, Register};
-use cfreg::quality::Decision;
+use cfreg::verify::Decision;
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization};
-use cfreg::{Channels, Error, PointCloud, Transform, filter, io, quality};
+use cfreg::{Channels, Error, PointCloud, Transform, filter, io, verify};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -39,7 +39,7 @@ fn cf(channels: &[&str]) -> Cf {
 
 fn off(cf: &Cf, source: &PointCloud, target: &PointCloud, truth: &Transform) -> f64 {
     let found = cf.register(source, target).unwrap();
-    quality::pose_error(&found.transform, truth, source.centroid()).rotation_deg
+    verify::pose_error(&found.transform, truth, source.centroid()).rotation_deg
 }
 
 #[test]

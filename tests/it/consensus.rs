@@ -7,7 +7,7 @@ use cfreg::experiment::benchmark::{self, Rule, Settings, list};
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Registration};
-use cfreg::quality::{Decision, Warning};
+use cfreg::verify::{Decision, Warning};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,7 +4,7 @@ use cfreg::experiment::benchmark::anywhere;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
-use cfreg::quality::{Decision, PoseCovariance};
+use cfreg::verify::{Decision, PoseCovariance};
 use cfreg::{PointCloud, Transform};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -115,7 +115,7 @@ fn motions_that_nothing_holds_are_named() {
         let size = |v: Vec3| math::norm(v);
         match name {
             "plane" => {
-                let along = |m: &cfreg::quality::Twist| {
+                let along = |m: &cfreg::verify::Twist| {
                     m.translation[2].abs() + size([m.rotation[0], m.rotation[1], 0.0])
                 };
                 assert!(found.iter().all(|motion| along(motion) < 0.1), "{found:?}");
@@ -125,7 +125,7 @@ fn motions_that_nothing_holds_are_named() {
             }
             "cylinder" | "corridor" => {
                 let across = |v: Vec3| size([v[0], v[1], 0.0]);
-                let off = |m: &cfreg::quality::Twist| across(m.translation) + across(m.rotation);
+                let off = |m: &cfreg::verify::Twist| across(m.translation) + across(m.rotation);
                 assert!(found.iter().all(|motion| off(motion) < 0.1), "{found:?}");
             }
             _ => unreachable!(),

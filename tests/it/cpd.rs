@@ -6,7 +6,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Cpd, Refine, Register, Registration, StopReason};
 use cfreg::pose::ScaleEstimate;
-use cfreg::{Error, PointCloud, Transform, math, quality};
+use cfreg::{Error, PointCloud, Transform, math, verify};
 use common::compare::poses_differ_by;
 use common::golden::read;
 use proptest::prelude::*;
@@ -27,7 +27,7 @@ fn register(cpd: &Cpd, source: &PointCloud, target: &PointCloud) -> Registration
 }
 
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::pose_error(a, b, source.centroid());
+    let error = verify::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

@@ -7,8 +7,8 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
 use cfreg::pose::{Prior, RotationBound};
-use cfreg::quality::Warning;
-use cfreg::{Error, PointCloud, Transform, math, quality};
+use cfreg::verify::Warning;
+use cfreg::{Error, PointCloud, Transform, math, verify};
 use common::compare::poses_differ_by;
 use common::golden;
 use common::scans::real_pairs;
@@ -80,7 +80,7 @@ fn register(dare: &Dare, source: &PointCloud, target: &PointCloud) -> Registrati
 
 /// Degrees, and the unit of the clouds.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::pose_error(a, b, source.centroid());
+    let error = verify::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

@@ -6,7 +6,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Icp, Method, Metric, Refine, Register, StopReason};
 use cfreg::weight::WeightScheme;
-use cfreg::{Error, PointCloud, Transform, quality};
+use cfreg::{Error, PointCloud, Transform, verify};
 use common::golden;
 use common::scans::{RealPair, real_pairs};
 use serde::Deserialize;
@@ -29,12 +29,12 @@ fn pair(size: f64) -> (PointCloud, PointCloud) {
 }
 
 fn angle(found: &Transform, want: &Transform) -> f64 {
-    quality::pose_error(found, want, [0.0; 3]).rotation_deg
+    verify::pose_error(found, want, [0.0; 3]).rotation_deg
 }
 
 /// Rotation in degrees and shift of the source's centre between two poses.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::pose_error(a, b, source.centroid());
+    let error = verify::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

@@ -8,7 +8,7 @@ use cfreg::math::{self, Mat3, Vec3};
 use cfreg::method::{
     IterationRecord, KernelCorrelation, Refine, Register, Registration, StopReason,
 };
-use cfreg::quality::{Warning, pose_error};
+use cfreg::verify::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform};
 use common::compare::poses_differ_by;
 use common::golden::read;

@@ -4,7 +4,7 @@ use cfreg::experiment::shape::boulder;
 use cfreg::math;
 use cfreg::method::{Cf, Cfk, Method, Pipeline, Register};
 use cfreg::par::Interrupt;
-use cfreg::quality::pose_error;
+use cfreg::verify::pose_error;
 use cfreg::weight::{Composite, Gaussian, Normalization, WeightScheme};
 use cfreg::{Error, PointCloud, Transform};
 

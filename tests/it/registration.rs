@@ -7,7 +7,7 @@ use cfreg::math::{self, Vec3};
 use cfreg::method::{Cf, DescriptorScale, FeatureConfig, Register, Registration};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
-use cfreg::{Error, PointCloud, Transform, quality};
+use cfreg::{Error, PointCloud, Transform, verify};
 use common::compare;
 use proptest::prelude::*;
 
@@ -33,7 +33,7 @@ fn pose(source: &PointCloud, target: &PointCloud) -> Transform {
 
 /// Rotation (degrees) and shift at the source's centre between two poses.
 fn apart(a: &Transform, b: &Transform, source: &PointCloud) -> (f64, f64) {
-    let error = quality::pose_error(a, b, source.centroid());
+    let error = verify::pose_error(a, b, source.centroid());
     (error.rotation_deg, error.translation)
 }
 

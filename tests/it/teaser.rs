@@ -4,7 +4,7 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Register, Registration, Teaser};
-use cfreg::quality::{Warning, pose_error};
+use cfreg::verify::{Warning, pose_error};
 use cfreg::search::Neighborhood;
 use cfreg::{Error, PointCloud, Transform, math};
 use common::compare::poses_differ_by;

@@ -5,7 +5,7 @@
 use crate::common;
 
 use cfreg::method::{Cf, Method, Register, Registration};
-use cfreg::quality::{MIN_CHANCE_CORRECTED_FITNESS, pose_error};
+use cfreg::verify::{MIN_CHANCE_CORRECTED_FITNESS, pose_error};
 use cfreg::weight::Normalization;
 use cfreg::{Transform, math};
 use common::scans::RealPair;

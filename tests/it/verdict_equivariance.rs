@@ -5,7 +5,7 @@ use crate::common;
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
-use cfreg::quality::{Decision, Verdict};
+use cfreg::verify::{Decision, Verdict};
 use cfreg::{PointCloud, Transform};
 use proptest::prelude::*;
 

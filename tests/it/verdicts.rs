@@ -4,7 +4,7 @@
 use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Icp, Method, Pipeline, Refine, Register};
-use cfreg::quality::{self, Decision, Warning};
+use cfreg::verify::{self, Decision, Warning};
 use cfreg::{PointCloud, Transform, filter};
 
 fn chain(first: &str, refinements: &[&str]) -> Pipeline {
@@ -35,7 +35,7 @@ fn missing_returns_change_no_method() {
         let chain = chain(name, &[]);
         let plain = chain.register(&source, &target).unwrap();
         let found = chain.register(&marked[0], &marked[1]).unwrap();
-        let off = quality::pose_error(&found.transform, &plain.transform, source.centroid());
+        let off = verify::pose_error(&found.transform, &plain.transform, source.centroid());
         assert!(off.rotation_deg < 1e-3 && off.translation < 1e-4, "{name}: {off:?}");
         let counts = [found.points.source, found.points.target].map(|end| end.no_returns);
         assert_eq!(counts, [400, 300], "{name}");
@@ -57,9 +57,9 @@ fn points_that_come_in_tens_are_refined_as_if_they_came_once() {
         let chain = chain("consensus", &[refine]);
         let once = chain.register(&source, &target).unwrap();
         let found = chain.register(&often[0], &often[1]).unwrap();
-        let off = quality::pose_error(&found.transform, &once.transform, source.centroid());
+        let off = verify::pose_error(&found.transform, &once.transform, source.centroid());
         assert!(off.rotation_deg < 1e-2, "{refine}: {off:?}");
-        let off = quality::pose_error(&found.transform, &truth, source.centroid());
+        let off = verify::pose_error(&found.transform, &truth, source.centroid());
         assert!(off.rotation_deg < 1.0 && found.trusted, "{refine}: {off:?} {:?}", found.doubts);
     }
 }
@@ -92,7 +92,7 @@ fn overlapping() -> (PointCloud, PointCloud) {
 
 /// How far a pose is from the identity where the source is.
 fn shift(found: &Transform, source: &PointCloud) -> f64 {
-    quality::pose_error(found, &Transform::IDENTITY, source.centroid()).translation
+    verify::pose_error(found, &Transform::IDENTITY, source.centroid()).translation
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn icp_from_a_rough_pose_finds_its_way() {
         let rough = truth.after(&turn);
         let found =
             chain("icp", &[]).with_initial(rough).unwrap().register(&source, &target).unwrap();
-        let off = quality::pose_error(&found.transform, &truth, source.centroid());
+        let off = verify::pose_error(&found.transform, &truth, source.centroid());
         assert!(off.rotation_deg < 1.0, "from {angle}: {off:?}");
     }
 }

@@ -27,7 +27,7 @@ use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::math::{self, Vec3};
 use crate::method::{Pipeline, Register, Registration};
-use crate::quality::Decision;
+use crate::verify::Decision;
 
 /// How pairs are run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -80,7 +80,7 @@ pub struct Row {
     /// Probability of being right, from methods that tell.
     pub probability: Option<f64>,
     /// Squared error in units of what its covariance expects, from methods that tell
-    /// ([`PoseCovariance::nees`](crate::quality::PoseCovariance::nees)).
+    /// ([`PoseCovariance::nees`](crate::verify::PoseCovariance::nees)).
     #[serde(default)]
     pub nees: Option<f64>,
     /// Seconds of the registration, files read before.
@@ -264,7 +264,7 @@ impl Row {
 }
 
 /// The verdict of the method that came first: refinements keep its answer's place.
-fn verdict(found: &Registration) -> Option<&crate::quality::Verdict> {
+fn verdict(found: &Registration) -> Option<&crate::verify::Verdict> {
     let before = found.refined_from.as_deref();
     found.verdict.as_ref().or_else(|| before.and_then(verdict))
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::quality::{PoseError, pose_error};
+use crate::verify::{PoseError, pose_error};
 
 /// Largest errors of a pose that counts as right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::experiment::Motion;
 use crate::experiment::figure::Panel;
 use crate::method::{Cf, Cfk, Method, Register};
-use crate::quality::{PoseError, pose_error};
+use crate::verify::{PoseError, pose_error};
 use crate::{filter, io};
 
 /// Points drawn from each scan (section V).

@@ -5,7 +5,7 @@ use super::refine;
 use super::scan::INLIER_DISTANCE;
 use super::{ConsensusSearch, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
-use crate::quality::PoseCovariance;
+use crate::verify::PoseCovariance;
 
 /// Bounds of [`Confidence::translation_std`]: better than the first or worse than the second tells no more.
 const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];

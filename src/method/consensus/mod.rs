@@ -39,7 +39,7 @@ use crate::pose::{Prior, ScaleEstimate};
 /// solved in closed form ([SC²-PCR], Chen et al., CVPR 2022); the poses are judged on the
 /// surfaces themselves: how much of them lies on each other, how alike it looks there, what
 /// stands where a sensor looked through. The best are settled point to plane and judged again.
-/// The [`Verdict`](crate::quality::Verdict) tells how probable the answer is and what else it
+/// The [`Verdict`](crate::verify::Verdict) tells how probable the answer is and what else it
 /// might be.
 ///
 /// All lengths follow from one, [`voxel`](Self::voxel), and that from the clouds: the unit does

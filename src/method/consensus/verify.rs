@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::method::Cached;
 use crate::method::registration::Timings;
 use crate::par;
-use crate::quality::{Decision, PoseCovariance, RunnerUp, Verdict};
+use crate::verify::{Decision, PoseCovariance, RunnerUp, Verdict};
 
 impl Consensus {
     /// The verdict on a `pose` that another method or program found: what a search of this
@@ -29,7 +29,7 @@ impl Consensus {
     ///
     /// ```
     /// use cfreg::method::Consensus;
-    /// use cfreg::quality::Decision;
+    /// use cfreg::verify::Decision;
     /// # use cfreg::experiment::shape::boulder;
     /// # use cfreg::Transform;
     /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);

@@ -17,7 +17,7 @@ use crate::math;
 use crate::moments::{self, Moments};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::{self, Warning};
+use crate::verify::{self, Warning};
 use crate::weight::WeightScheme;
 
 /// What distance of a pair is made small.
@@ -65,7 +65,7 @@ pub struct Icp {
     /// Kernel of the pair's distance; default uniform. Others bound the pull of outliers.
     pub weights: WeightScheme,
     /// Bandwidth of the kernel, in the target's unit, above 0. Default three resolutions
-    /// of the coarser cloud ([`quality::default_distance`]).
+    /// of the coarser cloud ([`verify::default_distance`]).
     pub bandwidth: Option<f64>,
     /// Nearest points that make a tangent plane, at least 3; default 20 (Segal et al.).
     /// More for noisy clouds. Only for `plane` and `generalized`.
@@ -197,7 +197,7 @@ impl Icp {
         if config.bandwidth.is_none() && config.weights != WeightScheme::Uniform {
             // Duplicated points have resolution 0.
             let [from, onto] = [source.resolution()?, target.resolution()?];
-            let found = quality::default_distance_from_resolutions(from, onto, scale);
+            let found = verify::default_distance_from_resolutions(from, onto, scale);
             config.bandwidth = Some(found.max(1e-6 * target.cloud.diagonal()));
         }
         Ok(config)

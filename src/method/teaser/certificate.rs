@@ -22,7 +22,7 @@ use crate::cloud::Transform;
 use crate::error::Result;
 use crate::math::{self, Mat3, Vec3};
 use crate::pose::{self, Prior};
-use crate::quality;
+use crate::verify;
 
 /// How far from the best the rotation can be.
 ///
@@ -69,7 +69,7 @@ pub(super) fn certify(
     let dual = DualProblem::new(&measurements, &rotation, cost);
     let (gap, iterations) = dual.minimize_gap()?;
     let found = Transform { rotation, ..*answer };
-    let rotation_deg = quality::pose_error(&found, answer, [0.0; 3]).rotation_deg;
+    let rotation_deg = verify::pose_error(&found, answer, [0.0; 3]).rotation_deg;
     Some(Certificate { gap, rotation_deg, differences: measurements.len(), iterations })
 }
 

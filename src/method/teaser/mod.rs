@@ -20,7 +20,7 @@ use crate::method::compatibility_graph::CompatibilityGraph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::quality::Warning;
+use crate::verify::Warning;
 pub use certificate::Certificate;
 use correspondences::CenteredCorrespondences;
 use rotation::{GncIteration, GncOptions};

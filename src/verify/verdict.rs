@@ -46,7 +46,7 @@ impl std::str::FromStr for Decision {
 /// Every part of the crate that takes a pose on asks this: graphs, summaries, reports, exit status.
 ///
 /// ```
-/// use cfreg::{Transform, quality::{Decision, is_usable}};
+/// use cfreg::{Transform, verify::{Decision, is_usable}};
 /// let pose = Transform::IDENTITY;
 /// assert!(is_usable(&pose, true, None) && is_usable(&pose, true, Some(Decision::Accept)));
 /// assert!(!is_usable(&pose, false, Some(Decision::Accept)));
@@ -178,7 +178,7 @@ fn exclusive_probabilities(first: f64, second: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::Twist;
+    use crate::verify::Twist;
 
     #[test]
     fn probabilities_decide() {

@@ -16,29 +16,7 @@ use crate::cloud::Transform;
 use crate::math::cholesky::{self, Mat6, Vec6};
 use crate::math::{self, Vec3};
 use crate::par;
-
-/// A source point that lies on the target's surface under the pose.
-#[derive(Debug, Clone, Copy)]
-pub struct SurfacePair {
-    /// Weight of the pair, above 0.
-    pub weight: f64,
-    /// The moved source point.
-    pub point: Vec3,
-    /// The moved source point minus its target point.
-    pub residual: Vec3,
-    /// Unit normals of the moved source point, and of its target point; of either sign.
-    pub normals: [Vec3; 2],
-}
-
-impl SurfacePair {
-    /// Unit mean of both normals, as the target's points: along it the distance of two curved
-    /// surfaces is free of their curvature (Rusinkiewicz 2019).
-    pub fn mean_normal(&self) -> Vec3 {
-        let [own, other] = self.normals;
-        let sign = if math::dot(own, other) < 0.0 { -1.0 } else { 1.0 };
-        math::normalized(math::add(math::scaled(own, sign), other))
-    }
-}
+use crate::surface::{SurfacePair, twist_row};
 
 /// A small motion: a turn about the [`center`](PoseCovariance::center), and a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -258,9 +236,7 @@ impl NormalizedFrame {
     /// How the distance along `normal` grows with a motion, in radii.
     fn jacobian_row(&self, contact: &SurfacePair, normal: Vec3) -> Vec6 {
         let arm = math::scaled(math::sub(contact.point, self.center), 1.0 / self.radius);
-        let [a, b, c] = math::cross(arm, normal);
-        let [x, y, z] = normal;
-        [a, b, c, x, y, z]
+        twist_row(arm, normal, 1.0)
     }
 
     /// Weighted distance along the normal, in radii.

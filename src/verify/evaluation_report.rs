@@ -25,10 +25,10 @@ pub struct EvaluationReport {
 /// Those of [`evaluate()`] and [`default_distance`].
 ///
 /// ```
-/// use cfreg::{PointCloud, Transform, quality};
+/// use cfreg::{PointCloud, Transform, verify};
 /// let cloud = PointCloud::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])?;
 /// let truth = Transform::IDENTITY;
-/// let judged = quality::judge(&cloud, &cloud, &truth, None, Some(&truth))?;
+/// let judged = verify::judge(&cloud, &cloud, &truth, None, Some(&truth))?;
 /// assert_eq!((judged.evaluation.fitness, judged.truth.unwrap().rotation_deg), (1.0, 0.0));
 /// # Ok::<(), cfreg::Error>(())
 /// ```

@@ -1,0 +1,137 @@
+//! The surface of a scan: points with normals and descriptors, and what the sensor saw; pairs of
+//! two surfaces under a pose; the pose at which they rest on each other.
+//!
+//! Positions are local, about an origin, in f32.
+
+mod normal_equations;
+mod pairs;
+mod refine;
+mod similarity;
+
+pub use pairs::SurfacePair;
+
+use std::sync::Arc;
+
+use crate::cloud::{Descriptors, Transform};
+use crate::error::Result;
+use crate::math::{self, Vec3};
+use crate::moments::FeatureView;
+use crate::normals::OrientedBy;
+use crate::search::{Neighbor, OccupancyGrid, SearchTree};
+use crate::visibility::DepthImage;
+
+pub(crate) use normal_equations::{NormalEquations, twist_row};
+pub(crate) use pairs::surface_pairs;
+pub(crate) use refine::{RefineOptions, Refined, refine};
+pub(crate) use similarity::refine_with_scale;
+
+/// Distance within which surfaces lie on each other, in voxels. Chosen by hand.
+pub(crate) const INLIER_DISTANCE: f64 = 1.5;
+/// Distance beyond which no surface is looked for, in voxels.
+pub(crate) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
+
+/// Points of a surface with their normals and descriptors. Positions are about `origin`.
+#[derive(Clone)]
+pub(crate) struct Surface {
+    pub(crate) points: Vec<[f32; 3]>,
+    pub(crate) origin: Vec3,
+    /// Unit vectors.
+    pub(crate) normals: Vec<[f32; 3]>,
+    pub(crate) descriptors: Descriptors,
+    /// Values of channels at the points, channel by channel, until they stand beside the
+    /// descriptors.
+    pub(crate) channels: Vec<Vec<f32>>,
+    /// How much points count; all alike where the cloud has no weights.
+    pub(crate) weights: Option<Vec<f32>>,
+    pub(crate) index: Arc<SurfaceIndex>,
+    /// What the sensor saw, where its place is known.
+    pub(crate) depth_image: Option<Arc<DepthImage>>,
+    pub(crate) oriented_by: OrientedBy,
+}
+
+/// Finds the nearest point of a surface.
+pub(crate) struct SurfaceIndex {
+    tree: SearchTree,
+    occupancy: OccupancyGrid,
+}
+
+impl SurfaceIndex {
+    /// An index of `points`, which finds what is at most `radius` away.
+    ///
+    /// # Errors
+    /// Those of [`SearchTree::new`].
+    pub(crate) fn new(points: &[[f32; 3]], radius: f64) -> Result<Self> {
+        Ok(SurfaceIndex {
+            tree: SearchTree::new(points)?,
+            occupancy: OccupancyGrid::new(points, radius),
+        })
+    }
+
+    /// Bytes that the index of `count` points takes: the tree has them once more, with their
+    /// numbers.
+    pub(crate) fn bytes(&self, count: usize) -> usize {
+        count * 4 * 4 + self.occupancy.bytes()
+    }
+}
+
+impl Surface {
+    pub(crate) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    pub(crate) fn point(&self, i: usize) -> Vec3 {
+        self.points[i].map(f64::from)
+    }
+
+    /// The point nearest to `place`; none, mostly, where it is farther away than the radius of the
+    /// index.
+    pub(crate) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
+        let place = place.map(|x| x as f32);
+        self.index.occupancy.may_contain(&place).then(|| self.index.tree.nearest(&place))
+    }
+
+    pub(crate) fn normal(&self, i: usize) -> Vec3 {
+        self.normals[i].map(f64::from)
+    }
+
+    /// How much point `i` counts, 1 in the mean.
+    pub(crate) fn weight(&self, i: usize) -> f64 {
+        self.weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
+    }
+
+    /// The surface of a cloud without descriptors, for tests.
+    #[cfg(test)]
+    pub(crate) fn of_cloud(cloud: &crate::cloud::PointCloud, radius: f64) -> Surface {
+        use crate::normals::{Orientation, estimate};
+        use crate::search::{Neighborhood, Neighbors};
+        let near = Neighbors::find(cloud.points(), Neighborhood::Nearest(20)).unwrap();
+        let normals = estimate(cloud, &near, Orientation::Outward).unwrap().vectors;
+        Surface {
+            points: cloud.points().to_vec(),
+            origin: cloud.origin(),
+            normals,
+            descriptors: Descriptors::new(1, vec![0.0; cloud.len()]).unwrap(),
+            channels: Vec::new(),
+            weights: None,
+            index: SurfaceIndex::new(cloud.points(), radius).unwrap().into(),
+            depth_image: None,
+            oriented_by: OrientedBy::Centroid,
+        }
+    }
+
+    /// One side of a full connection.
+    pub(crate) fn feature_view(&self) -> FeatureView<'_> {
+        FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    }
+}
+
+/// A pose between local frames as one between the clouds' own.
+pub(crate) fn to_cloud_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+    let there = math::add(pose.translation, onto.origin);
+    Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
+}
+
+/// A pose between the clouds' own frames as one between local ones.
+pub(crate) fn to_local_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
+    Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
+}
