@@ -20,10 +20,11 @@ pub mod par;
 pub mod pose;
 #[cfg(feature = "python")]
 mod python;
-pub mod verify;
 #[cfg(feature = "report")]
 pub mod report;
 pub mod search;
+pub mod surface;
+pub mod verify;
 pub mod visibility;
 pub mod weight;
 

@@ -12,8 +12,8 @@ use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
-use crate::verify::Warning;
 use crate::report::Pair;
+use crate::verify::Warning;
 use crate::{io, par};
 
 #[derive(Args)]

@@ -54,7 +54,7 @@ pub(crate) fn quote_start(text: &str) -> String {
 }
 
 /// The beginning of a message of another crate, which may repeat all that is in a file.
-pub(super) fn truncate_message(said: &str) -> String {
+pub(crate) fn truncate_message(said: &str) -> String {
     const LONGEST: usize = 200;
     match said.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{}...", &said[..end]),

@@ -61,7 +61,10 @@ pub use load::MAX_PIPE_BYTES;
 use load::load;
 pub use pose::{read_transform, write_transform};
 #[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) use {content_error::quote_start, csv_reader::CsvReader};
+pub(crate) use {
+    content_error::{quote_start, truncate_message},
+    csv_reader::CsvReader,
+};
 
 /// Reads a cloud, in the unit and frame of the file.
 ///

@@ -12,8 +12,8 @@ use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::verify::{MIN_KEYPOINTS, Warning};
 use crate::search::Neighborhood;
+use crate::verify::{MIN_KEYPOINTS, Warning};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// Full Connection Form Solution (the paper, section III): describe every point by FPFH,

@@ -18,8 +18,8 @@ use crate::error::Result;
 use crate::experiment::figure::Figure;
 use crate::math::{self, Vec3};
 use crate::method::Method;
-use crate::verify;
 use crate::search;
+use crate::verify;
 
 /// Two clouds, and what was found of them.
 ///

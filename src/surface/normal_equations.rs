@@ -44,6 +44,14 @@ impl<const N: usize> NormalEquations<N> {
         (0..N).map(|u| self.hessian[u][u]).sum::<f64>() / N as f64
     }
 
+    /// The least pivot of the Hessian over the mean of its diagonal: how well the least
+    /// constrained motion is constrained; 0 for a Hessian that is not positive definite.
+    pub(crate) fn min_pivot(&self) -> f64 {
+        let pivots =
+            cholesky::factor(&self.hessian).map(|l| (0..N).map(move |u| l[u][u] * l[u][u]));
+        pivots.map_or(0.0, |pivots| pivots.fold(f64::INFINITY, f64::min) / self.mean_curvature())
+    }
+
     /// The motion that makes the quadratic model least, with `damping` added to the diagonal of
     /// the Hessian; `None` unless that is positive definite.
     pub(crate) fn solve(&self, damping: f64) -> Option<[f64; N]> {
@@ -129,13 +137,15 @@ mod tests {
         let motion = [0.1, -0.2, 0.3, 1.0, 2.0, -1.0];
         for k in 0..20 {
             let x = f64::from(k);
-            let row = twist_row([x.sin(), x.cos(), (2.0 * x).sin()], [0.6, 0.8 * x.cos(), 0.3], 2.0);
+            let row =
+                twist_row([x.sin(), x.cos(), (2.0 * x).sin()], [0.6, 0.8 * x.cos(), 0.3], 2.0);
             let residual = -row.iter().zip(motion).map(|(a, b)| a * b).sum::<f64>();
             system.add_row(1.0 + 0.1 * x, &row, residual);
         }
         let found = system.solve(0.0).unwrap();
         assert!(found.iter().zip(motion).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
-        assert!(NormalEquations::<7>::ZERO.solve(0.0).is_none());
-        assert!(system.mean_curvature() > 0.0);
+        assert!(system.min_pivot() > 0.0 && system.min_pivot() < 1.0);
+        let nothing = NormalEquations::<7>::ZERO;
+        assert!(nothing.solve(0.0).is_none() && nothing.min_pivot() == 0.0);
     }
 }

@@ -1,31 +1,31 @@
-//! What speaks for a pose: the surfaces themselves, whoever proposed it.
+//! Evidence for a pose on the surfaces themselves, whoever proposed it.
 
-use super::hypotheses::Correspondences;
-use super::scan::{INLIER_DISTANCE, Surface, squared_descriptor_distance};
 use crate::cloud::Transform;
 use crate::math;
+use crate::surface::{INLIER_DISTANCE, Surface};
 
-/// Cosine of the angle between normals from which on surfaces face alike.
+/// Cosine of the angle between normals from which on surfaces face the same way: 45 degrees.
+/// Chosen by hand.
 const MIN_NORMAL_COSINE: f64 = 0.7;
-/// How far in front of what was seen a point contradicts it, in lengths.
+/// How far in front of a seen surface a point violates free space, in voxels. Chosen by hand.
 const MIN_CLEARANCE: f64 = 3.0;
-/// Points of the other surface that a descriptor is compared with.
+/// Points of the other surface that a descriptor is compared with. Chosen by hand.
 const DISTINCTIVENESS_PROBES: usize = 48;
 
-/// What a pose has for and against it.
+/// Measurements for and against a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PoseEvidence {
-    /// Share of one surface's points that lie on the other and face alike, by how well they
-    /// do; the larger of the two directions.
-    pub(super) overlap: f64,
-    /// How much more alike than chance the surfaces look where they lie on each other, in nats
-    /// a point, both directions together.
-    pub(super) descriptor_distinctiveness: f64,
-    /// Matches that agree ([`Correspondences::inlier_score`]).
-    pub(super) inlier_score: f64,
-    /// Share of the points that stand where the other's sensor looked through, both directions
-    /// together; `None` where no sensor's place is known.
-    pub(super) free_space_violation: Option<f64>,
+pub(crate) struct PoseEvidence {
+    /// Share of one surface's points that lie on the other and face the same way, each counted by
+    /// how well it does; the larger of the two directions, in [0, 1].
+    pub(crate) overlap: f64,
+    /// How much better than by chance descriptors match where the surfaces overlap, in nats a
+    /// point, summed over both directions.
+    pub(crate) descriptor_distinctiveness: f64,
+    /// Sum of the inlier weights of the correspondences, at least 0.
+    pub(crate) inlier_score: f64,
+    /// Share of the points that lie in space that the other sensor saw to be empty, summed over
+    /// both directions, in [0, 2]; `None` where a sensor's place is unknown.
+    pub(crate) free_space_violation: Option<f64>,
 }
 
 /// One direction.
@@ -39,100 +39,107 @@ struct DirectionScore {
 }
 
 impl PoseEvidence {
-    /// Looks at `most` points of each surface, spread evenly; `pose` moves the source, local
-    /// frame to local frame.
-    pub(super) fn compute(
+    /// Measures at most `max_points` of each surface, spread evenly, under `pose`, which moves the
+    /// source, local frame to local frame; `inlier_score` is that of the correspondences.
+    pub(crate) fn compute(
         [source, target]: [&Surface; 2],
-        matches: &Correspondences,
         pose: &Transform,
-        most: usize,
+        inlier_score: f64,
+        voxel_size: f64,
+        max_points: usize,
     ) -> PoseEvidence {
-        let length = matches.voxel_size;
-        let there = score_direction(source, target, pose, length, most);
-        let back = score_direction(target, source, &pose.inverse(), length, most);
+        let forward = score_direction(source, target, pose, voxel_size, max_points);
+        let backward = score_direction(target, source, &pose.inverse(), voxel_size, max_points);
         let share = |part: f64, whole: usize| part / whole.max(1) as f64;
-        let contradicted =
+        let violation =
             |sums: DirectionScore| share(sums.violating_points as f64, sums.observed_points);
-        let known = source.depth_image.is_some() && target.depth_image.is_some();
+        let is_known = source.depth_image.is_some() && target.depth_image.is_some();
         PoseEvidence {
-            // Unit vectors are so to rounding alone.
-            overlap: share(there.overlap_sum, there.points)
-                .max(share(back.overlap_sum, back.points))
+            // Unit vectors have length 1 to rounding alone.
+            overlap: share(forward.overlap_sum, forward.points)
+                .max(share(backward.overlap_sum, backward.points))
                 .min(1.0),
-            descriptor_distinctiveness: share(there.distinctiveness_sum, there.points)
-                + share(back.distinctiveness_sum, back.points),
-            inlier_score: matches.inlier_score(pose),
-            free_space_violation: known.then(|| contradicted(there) + contradicted(back)),
-        }
-    }
-
-    /// The logarithm of the odds that the pose is right, by its evidence alone: what ranks the
-    /// poses of a pair.
-    ///
-    /// Logistic in what speaks for a pose, fitted on poses that this method settled for real
-    /// pairs. Constants fitted anew are no better at places that they have not seen
-    /// (`python-ref/verdict.sh`). What is told of the answer is [`Confidence::log_odds`].
-    ///
-    /// [`Confidence::log_odds`]: super::confidence::Confidence::log_odds
-    pub(super) fn log_odds(&self) -> f64 {
-        let overlap = (self.overlap + 0.01).ln();
-        let likeness = (self.descriptor_distinctiveness + 0.1).max(0.01).ln();
-        let support = self.inlier_score.ln_1p();
-        match self.free_space_violation {
-            Some(share) => {
-                8.0 + 2.08 * overlap + 3.97 * likeness + 0.48 * support - 27.7 * share.sqrt()
-            }
-            None => -5.95 - 1.41 * overlap + 4.29 * likeness + 2.33 * support,
+            descriptor_distinctiveness: share(forward.distinctiveness_sum, forward.points)
+                + share(backward.distinctiveness_sum, backward.points),
+            inlier_score,
+            free_space_violation: is_known.then(|| violation(forward) + violation(backward)),
         }
     }
 }
 
-/// `from` under `pose`, on and in front of `onto`.
+/// Scores the points of `from` under `pose` against the surface `onto`.
 fn score_direction(
     from: &Surface,
     onto: &Surface,
     pose: &Transform,
-    length: f64,
-    most: usize,
+    voxel_size: f64,
+    max_points: usize,
 ) -> DirectionScore {
-    let step = from.len().div_ceil(most).max(1);
-    let reach = INLIER_DISTANCE * length;
+    let step = from.len().div_ceil(max_points).max(1);
+    let max_distance = INLIER_DISTANCE * voxel_size;
     let mut sums = DirectionScore::default();
     for i in (0..from.len()).step_by(step) {
         sums.points += 1;
-        let place = pose.apply(from.point(i));
-        if let Some(ahead) = onto.depth_image.as_ref().and_then(|seen| seen.clearance(place)) {
+        let point = pose.apply(from.point(i));
+        if let Some(clearance) = onto.depth_image.as_ref().and_then(|image| image.clearance(point))
+        {
             sums.observed_points += 1;
-            sums.violating_points += usize::from(ahead > MIN_CLEARANCE * length);
+            sums.violating_points += usize::from(clearance > MIN_CLEARANCE * voxel_size);
         }
-        let Some(near) = onto.nearest(place) else { continue };
-        if f64::from(near.squared_distance) >= reach * reach {
+        let Some(near) = onto.nearest(point) else { continue };
+        if f64::from(near.squared_distance) >= max_distance * max_distance {
             continue;
         }
         let j = near.index as usize;
         let normal = onto.normal(j);
-        let facing = math::dot(pose.rotate(from.normal(i)), normal);
-        if facing <= MIN_NORMAL_COSINE {
+        let cosine = math::dot(pose.rotate(from.normal(i)), normal);
+        if cosine <= MIN_NORMAL_COSINE {
             continue;
         }
-        let off = math::dot(normal, math::sub(place, onto.point(j))) / (0.75 * reach);
-        let lying =
-            (1.0 - off * off).max(0.0) * (facing - MIN_NORMAL_COSINE) / (1.0 - MIN_NORMAL_COSINE);
-        sums.overlap_sum += lying;
-        sums.distinctiveness_sum += lying * descriptor_distinctiveness(from, onto, i, j);
+        let off = math::dot(normal, math::sub(point, onto.point(j))) / (0.75 * max_distance);
+        let overlap =
+            (1.0 - off * off).max(0.0) * (cosine - MIN_NORMAL_COSINE) / (1.0 - MIN_NORMAL_COSINE);
+        sums.overlap_sum += overlap;
+        sums.distinctiveness_sum += overlap * descriptor_distinctiveness(from, onto, i, j);
     }
     sums
 }
 
-/// How much more alike two points look than the first and others of the second's surface: minus
-/// the logarithm of the share that is as alike, less its mean, 1, for points that have nothing
-/// to do with each other. Flat pieces, which look like any other, tell nothing by it.
+/// How much better the descriptors of two points match than that of the first with others of the
+/// second's surface: minus the logarithm of the share that matches as well, less 1, its mean for
+/// unrelated points. Flat pieces, which match any other, score about 0.
 fn descriptor_distinctiveness(from: &Surface, onto: &Surface, i: usize, j: usize) -> f64 {
     let row = from.descriptors.row(i);
     let distance = |j: usize| squared_descriptor_distance(row, onto.descriptors.row(j));
     let own = distance(j);
     let probe = |k: usize| (k * onto.len() + onto.len() / 2) / DISTINCTIVENESS_PROBES;
-    let as_alike = (0..DISTINCTIVENESS_PROBES).filter(|&k| distance(probe(k)) <= own).count();
-    let share = (as_alike as f64 + 0.5) / (DISTINCTIVENESS_PROBES as f64 + 1.0);
+    let as_good = (0..DISTINCTIVENESS_PROBES).filter(|&k| distance(probe(k)) <= own).count();
+    let share = (as_good as f64 + 0.5) / (DISTINCTIVENESS_PROBES as f64 + 1.0);
     -share.ln() - 1.0
+}
+
+/// Squared distance of two descriptors.
+pub(crate) fn squared_descriptor_distance(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::PointCloud;
+
+    #[test]
+    fn overlap_falls_with_the_distance_along_the_normal() {
+        let flat: Vec<_> = (0..900).map(|i| [(i % 30) as f64, (i / 30) as f64, 0.0]).collect();
+        let surface = Surface::of_cloud(&PointCloud::new(&flat).unwrap(), 3.0);
+        let overlap = |shift: f64| {
+            let pose = Transform { translation: [0.0, 0.0, shift], ..Transform::IDENTITY };
+            PoseEvidence::compute([&surface; 2], &pose, 0.0, 1.0, usize::MAX).overlap
+        };
+        assert!(overlap(0.0) > 0.99 && overlap(0.5) < 0.9 && overlap(1.2) == 0.0);
+        // Nothing is known of free space without the places of the sensors.
+        let evidence =
+            PoseEvidence::compute([&surface; 2], &Transform::IDENTITY, 2.0, 1.0, usize::MAX);
+        assert_eq!((evidence.free_space_violation, evidence.inlier_score), (None, 2.0));
+    }
 }

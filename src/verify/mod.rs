@@ -1,21 +1,26 @@
-//! Is a pose right? Measures on the clouds themselves, errors against a known truth, and
-//! grounds for doubt.
+//! Verification of poses: evidence on the surfaces, the verdict with its probability, warnings,
+//! covariance, and errors against a known truth.
 
 mod covariance;
 mod evaluate;
 mod evaluation_report;
+mod evidence;
+mod model;
 mod pose_error;
 mod verdict;
 mod warning;
 
-pub use covariance::{PoseCovariance, SurfacePair, Twist};
+pub use covariance::{PoseCovariance, Twist};
 pub(crate) use evaluate::default_distance_from_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use evaluation_report::{EvaluationReport, evaluate_with_truth};
-pub use pose_error::{PoseError, pose_error};
-pub use verdict::{
-    Decision, MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, RunnerUp, Verdict, is_usable,
+pub(crate) use evidence::{PoseEvidence, squared_descriptor_distance};
+pub(crate) use model::Confidence;
+pub use model::{
+    AnswerCoefficients, EvidenceCoefficients, PoseCoefficients, Thresholds, VerdictModel,
 };
+pub use pose_error::{PoseError, pose_error};
+pub use verdict::{Decision, RunnerUp, Verdict, is_usable};
 pub use warning::{
     MAX_CHANCE_FITNESS, MAX_CHANCE_FITNESS_VERIFIED, MIN_CHANCE_CORRECTED_FITNESS,
     MIN_CHANCE_CORRECTED_FITNESS_LOCAL, MIN_KEYPOINTS, MIN_SECOND_SINGULAR_VALUE,

@@ -5,14 +5,9 @@ use std::fmt;
 use serde::Serialize;
 
 use super::PoseCovariance;
+use super::model::{Thresholds, VerdictModel};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
-
-/// Probability from which on a pose is accepted.
-pub const MIN_ACCEPTED_PROBABILITY: f64 = 0.7;
-/// Odds of another pose, relative to those of the answer, from which on the answer is
-/// ambiguous, if the other would be accepted were it the only one.
-pub const MIN_AMBIGUOUS_ODDS: f64 = 0.03;
 
 /// What to do with a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -23,8 +18,16 @@ pub enum Decision {
     /// It, or another one that is about as good: see [`Verdict::runner_up`], and the
     /// [`undetermined`](PoseCovariance::unobservable) motions, along which all are.
     Ambiguous,
+    /// Neither probable enough to accept it nor improbable.
+    Uncertain,
     /// It is probably wrong; the clouds may show nothing in common.
     Reject,
+}
+
+impl Decision {
+    /// All of them.
+    pub const ALL: [Decision; 4] =
+        [Decision::Accept, Decision::Ambiguous, Decision::Uncertain, Decision::Reject];
 }
 
 impl std::str::FromStr for Decision {
@@ -32,9 +35,8 @@ impl std::str::FromStr for Decision {
 
     /// By its word, as [`Display`](fmt::Display) writes it.
     fn from_str(word: &str) -> Result<Decision> {
-        let all = [Decision::Accept, Decision::Ambiguous, Decision::Reject];
-        let found = all.into_iter().find(|decision| decision.to_string() == word);
-        let rule = "must be accept, ambiguous or reject";
+        let found = Decision::ALL.into_iter().find(|decision| decision.to_string() == word);
+        let rule = "must be accept, ambiguous, uncertain or reject";
         found.ok_or_else(|| Error::config("decision", word, rule))
     }
 }
@@ -61,6 +63,7 @@ impl fmt::Display for Decision {
         f.write_str(match self {
             Decision::Accept => "accept",
             Decision::Ambiguous => "ambiguous",
+            Decision::Uncertain => "uncertain",
             Decision::Reject => "reject",
         })
     }
@@ -95,30 +98,39 @@ pub struct Verdict {
     /// The scale of the source, if that is another than it has, at which clearly more of it would
     /// lie on the target: a rigid pose of both as they are is then ambiguous.
     pub other_scale: Option<f64>,
+    /// Version of the [`VerdictModel`] that gave the probabilities and the decision.
+    pub model: String,
+    /// Its thresholds.
+    #[serde(skip)]
+    pub(crate) thresholds: Thresholds,
 }
 
 impl Verdict {
-    /// Decides by the probabilities, that of the pose and of the runner-up each as if it were the
-    /// only one; of both one at most is right, so that they share what the verdict tells.
+    /// Decides by the thresholds of `model`. `probability` and that of the runner-up are each as if
+    /// it were the only pose; at most one of them is right, so the verdict tells their shares.
     ///
-    /// A pose that is not probable is rejected, alone or beside a rival; one that has a rival, or that nothing holds along
-    /// some motion, is ambiguous.
+    /// A pose below the threshold `reject`, alone or beside an alternative, is rejected; one below
+    /// `accept` is uncertain; one with an alternative, or with an unobservable motion, is ambiguous.
     pub fn new(
+        model: &VerdictModel,
         probability: f64,
         overlap: f64,
         reasons: Vec<String>,
         mut runner_up: Option<RunnerUp>,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
+        let Thresholds { accept, reject, ambiguous_odds } = model.thresholds;
         let alone = runner_up.map_or(0.0, |other| other.probability);
         let [shared, other] = exclusive_probabilities(probability, alone);
-        let rivals = alone >= MIN_ACCEPTED_PROBABILITY && other >= MIN_AMBIGUOUS_ODDS * shared;
-        // Right where the rival is not: as good as never.
-        let beaten = alone >= MIN_ACCEPTED_PROBABILITY && shared < MIN_AMBIGUOUS_ODDS * other;
+        let has_rival = alone >= accept && other >= ambiguous_odds * shared;
+        // Right where the alternative is wrong: as good as never.
+        let is_beaten = alone >= accept && shared < ambiguous_odds * other;
         let slides = covariance.as_ref().is_some_and(|known| !known.unobservable.is_empty());
-        let decision = if probability.is_nan() || probability < MIN_ACCEPTED_PROBABILITY || beaten {
+        let decision = if probability.is_nan() || probability < reject || is_beaten {
             Decision::Reject
-        } else if rivals || slides || shared < MIN_ACCEPTED_PROBABILITY {
+        } else if probability < accept {
+            Decision::Uncertain
+        } else if has_rival || slides || shared < accept {
             Decision::Ambiguous
         } else {
             Decision::Accept
@@ -126,9 +138,17 @@ impl Verdict {
         if let Some(runner_up) = &mut runner_up {
             runner_up.probability = other;
         }
-        let other_scale = None;
-        let probability = shared;
-        Verdict { decision, probability, reasons, overlap, runner_up, covariance, other_scale }
+        Verdict {
+            decision,
+            probability: shared,
+            reasons,
+            overlap,
+            runner_up,
+            covariance,
+            other_scale: None,
+            model: model.version.clone(),
+            thresholds: model.thresholds,
+        }
     }
 
     /// The same of a pose that wrong rotations fit as well as: their fitness is `chance`.
@@ -138,7 +158,7 @@ impl Verdict {
         }
         let percent = 100.0 * chance;
         self.reasons.push(format!(
-            "turned by quarter turns {percent:.0} % of the source still lie on the target"
+            "turned by quarter turns, {percent:.0} % of the source still lies on the target"
         ));
         self
     }
@@ -151,8 +171,8 @@ impl Verdict {
         }
         let percent = 100.0 * overlap;
         self.reasons.push(format!(
-            "scaled by {scale:.3} the source would lie on the target with {percent:.0} %: are both \
-             in one unit?"
+            "scaled by {scale:.3}, {percent:.0} % of the source would overlap: do both clouds have \
+             one unit?"
         ));
         Verdict { other_scale: Some(scale), ..self }
     }
@@ -185,7 +205,7 @@ mod tests {
         let told = |probability, other: Option<f64>| {
             let transform = Transform::IDENTITY;
             let other = other.map(|probability| RunnerUp { transform, probability });
-            Verdict::new(probability, 0.5, Vec::new(), other, None)
+            Verdict::new(&VerdictModel::default(), probability, 0.5, Vec::new(), other, None)
         };
         let decided = |probability, other| told(probability, other).decision;
         assert_eq!(decided(0.99, None), Decision::Accept);
@@ -194,6 +214,10 @@ mod tests {
         // Some 500 times less probable.
         assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
         assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
+        assert_eq!(decided(0.63, None), Decision::Uncertain);
+        assert_eq!(decided(0.3, None), Decision::Uncertain);
+        assert_eq!(decided(0.29, None), Decision::Reject);
+        assert_eq!(decided(0.5, Some(0.9999)), Decision::Reject);
         // Probable by itself, but 500 times less so than another.
         assert_eq!(decided(0.95, Some(0.9999)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
@@ -209,10 +233,20 @@ mod tests {
     fn certain_poses_share_what_there_is() {
         let told = |probability, other| {
             let other = RunnerUp { transform: Transform::IDENTITY, probability: other };
-            let verdict = Verdict::new(probability, 0.5, Vec::new(), Some(other), None);
+            let verdict = Verdict::new(
+                &VerdictModel::default(),
+                probability,
+                0.5,
+                Vec::new(),
+                Some(other),
+                None,
+            );
             (verdict.probability, verdict.runner_up.unwrap().probability, verdict.decision)
         };
-        assert_eq!(Verdict::new(1.0, 0.5, Vec::new(), None, None).probability, 1.0);
+        assert_eq!(
+            Verdict::new(&VerdictModel::default(), 1.0, 0.5, Vec::new(), None, None).probability,
+            1.0
+        );
         assert_eq!(told(1.0, 0.95), (1.0, 0.0, Decision::Accept));
         assert_eq!(told(0.95, 1.0), (0.0, 1.0, Decision::Reject));
         // Of both one at most is right, and nothing tells which.
@@ -222,7 +256,7 @@ mod tests {
 
     #[test]
     fn decisions_are_words_as_in_json() {
-        for decision in [Decision::Accept, Decision::Ambiguous, Decision::Reject] {
+        for decision in Decision::ALL {
             assert_eq!(serde_json::to_value(decision).unwrap(), decision.to_string());
             assert_eq!(decision.to_string().parse::<Decision>().unwrap(), decision);
         }
@@ -237,6 +271,7 @@ mod tests {
             (true, Some(Decision::Accept), true),
             (false, Some(Decision::Accept), false),
             (true, Some(Decision::Ambiguous), false),
+            (true, Some(Decision::Uncertain), false),
             (true, Some(Decision::Reject), false),
         ] {
             assert_eq!(is_usable(&pose, trusted, decision), usable, "{trusted} {decision:?}");
@@ -261,7 +296,10 @@ mod tests {
             center: [0.0; 3],
             unobservable: undetermined,
         };
-        let decided = |known| Verdict::new(0.99, 0.5, Vec::new(), None, Some(known)).decision;
+        let decided = |known| {
+            Verdict::new(&VerdictModel::default(), 0.99, 0.5, Vec::new(), None, Some(known))
+                .decision
+        };
         assert_eq!(decided(known(Vec::new())), Decision::Accept);
         assert_eq!(decided(known(vec![motion])), Decision::Ambiguous);
     }

@@ -5,7 +5,8 @@ use std::fmt;
 use serde::Serialize;
 
 use super::evaluate::Evaluation;
-use super::verdict::{Decision, MIN_ACCEPTED_PROBABILITY, MIN_AMBIGUOUS_ODDS, Verdict};
+use super::model::Thresholds;
+use super::verdict::{Decision, Verdict};
 
 /// Agreement beyond chance below which a pose is doubted.
 ///
@@ -121,11 +122,18 @@ pub enum Warning {
         /// Matches that chance hardly brings together.
         needed: usize,
     },
-    /// What speaks for the pose does not outweigh what speaks against it.
+    /// The pose is probably wrong.
     Improbable {
         /// [`Verdict::probability`].
         found: f64,
-        /// [`MIN_ACCEPTED_PROBABILITY`].
+        /// [`Thresholds::accept`](super::Thresholds::accept).
+        needed: f64,
+    },
+    /// The pose is neither probable enough to accept it nor improbable.
+    Uncertain {
+        /// [`Verdict::probability`].
+        found: f64,
+        /// [`Thresholds::accept`](super::Thresholds::accept).
         needed: f64,
     },
     /// Another pose is about as good: the clouds are symmetric, or repeat.
@@ -180,14 +188,14 @@ impl Warning {
     /// The grounds for doubt that a verdict is, unless it accepts.
     pub fn from_verdict(verdict: &Verdict) -> Vec<Warning> {
         let found = verdict.probability;
+        let Thresholds { accept, ambiguous_odds, .. } = verdict.thresholds;
         let mut warnings = match (verdict.decision, verdict.runner_up) {
             (Decision::Accept, _) => return Vec::new(),
             (Decision::Reject, _) => {
-                vec![Warning::Improbable { found, needed: MIN_ACCEPTED_PROBABILITY }]
+                vec![Warning::Improbable { found, needed: accept }]
             }
-            (Decision::Ambiguous, Some(other))
-                if other.probability > MIN_AMBIGUOUS_ODDS * found =>
-            {
+            (Decision::Uncertain, _) => vec![Warning::Uncertain { found, needed: accept }],
+            (Decision::Ambiguous, Some(other)) if other.probability > ambiguous_odds * found => {
                 vec![Warning::Ambiguous { other: other.probability }]
             }
             (Decision::Ambiguous, _) => Vec::new(),
@@ -206,12 +214,12 @@ impl fmt::Display for Warning {
         match self {
             Warning::LowFitness { found, needed } => write!(
                 f,
-                "the clouds agree by {found:.2} beyond chance under this pose, {needed:.2} is \
-                 needed: it is probably wrong, or the overlap is small"
+                "overlap at this pose is barely better than chance ({found:.2}, need {needed:.2}): \
+                 the pose is probably wrong, or the clouds overlap too little"
             ),
             Warning::HighChanceFitness { found, most } => write!(
                 f,
-                "wrong rotations fit nearly as well (fitness by chance {found:.2}, at most \
+                "wrong rotations fit nearly as well (their fitness is {found:.2}, at most \
                  {most:.2} is allowed): the clouds are small, round or filled"
             ),
             Warning::NotVerified => write!(
@@ -226,18 +234,18 @@ impl fmt::Display for Warning {
             ),
             Warning::WeakRotation { found, needed } => write!(
                 f,
-                "the weights leave the rotation about one axis open: second singular value \
-                 {found:.1e}, {needed:.1e} is needed"
+                "the weights do not determine the rotation about one axis: the second singular \
+                 value is {found:.1e}, {needed:.1e} is needed"
             ),
             Warning::Flat { found, needed } => write!(
                 f,
-                "what is connected is flat, and slides and turns in its plane: third singular \
-                 value {found:.1e}, {needed:.1e} is needed"
+                "the connected points lie in a plane, in which the clouds slide and turn: the third \
+                 singular value is {found:.1e}, {needed:.1e} is needed"
             ),
             Warning::Degenerate { found, needed } => write!(
                 f,
-                "the surfaces slide along each other in one direction: hold {found:.1e}, \
-                 {needed:.1e} is needed"
+                "the surfaces slide along each other in one direction: the smallest pivot is \
+                 {found:.1e} of the mean, {needed:.1e} is needed"
             ),
             Warning::FewKeypoints { found, needed } => write!(
                 f,
@@ -245,37 +253,42 @@ impl fmt::Display for Warning {
                  lower the detector's thresholds, or register by cf"
             ),
             Warning::NotRefined => {
-                write!(f, "nothing lies near enough under this pose to refine it")
+                write!(f, "no points are close enough at this pose to refine it")
             }
             Warning::FewInliers { found, needed } => write!(
                 f,
-                "{found} matches agree with this pose, chance alone may bring together up to \
-                 {needed}: the clouds may have nothing in common"
+                "{found} correspondences are inliers of this pose, chance alone can give {needed}: \
+                 the clouds may have nothing in common"
             ),
             Warning::Improbable { found, needed } => write!(
                 f,
-                "the pose is right with probability {found:.3}, {needed} is needed: the clouds may \
-                 have too little in common, or nothing"
+                "the pose is probably wrong (probability {found:.3}, need {needed}): the clouds may \
+                 overlap too little, or not at all"
+            ),
+            Warning::Uncertain { found, needed } => write!(
+                f,
+                "the pose is uncertain (probability {found:.3}, need {needed}): check it, or \
+                 register clouds that overlap more"
             ),
             Warning::Ambiguous { other } => write!(
                 f,
-                "another pose is about as good (probability {other:.3}): the clouds are symmetric, \
-                 or show the same shape more than once"
+                "an alternative pose has probability {other:.3}: the clouds are symmetric, or show \
+                 the same shape more than once"
             ),
             Warning::Unobservable { motions } => write!(
                 f,
-                "nothing holds the pose along {motions} of 6 motions: along those the surfaces \
-                 slide on each other, as planes and spheres do"
+                "{motions} of 6 degrees of freedom are unconstrained (planar, cylindrical or \
+                 spherical geometry)"
             ),
             Warning::ScaleMismatch { scale } => write!(
                 f,
-                "scaled by {scale:.3} the source would lie on the target better: bring both to \
-                 one unit, and register them again"
+                "scaled by {scale:.3}, the source would overlap the target clearly better: convert \
+                 both to one unit and register them again"
             ),
             Warning::CliqueNotProved { found } => write!(
                 f,
-                "the search for consistent matches ended at its limit with {found}: there may be \
-                 a larger set; allow more steps or lower the noise bound"
+                "the search for the largest set of consistent correspondences ended at its limit \
+                 with {found}: there may be a larger set; allow more steps or lower noise_bound"
             ),
             Warning::NotConverged { iterations } => write!(
                 f,

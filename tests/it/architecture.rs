@@ -13,12 +13,14 @@ const FLOORS: &[(u8, &[&str])] = &[
     (1, &["cloud", "weight"]),
     (2, &["io", "search", "moments"]),
     (3, &["filter", "normals", "keypoint", "descriptor", "pose", "visibility"]),
-    (4, &["verify"]),
-    (5, &["method"]),
-    (6, &["batch"]),
-    (7, &["experiment"]),
-    (8, &["report"]),
-    (9, &["cli", "python"]),
+    (4, &["surface"]),
+    (5, &["verify"]),
+    (6, &["method"]),
+    (7, &["pose_graph"]),
+    (8, &["batch"]),
+    (9, &["experiment"]),
+    (10, &["report"]),
+    (11, &["cli", "python"]),
 ];
 const SIDEWAYS: &[(&str, &str)] = &[("math", "error"), ("par", "error"), ("descriptor", "normals")];
 

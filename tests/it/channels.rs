@@ -1,8 +1,8 @@
 //! Channels of clouds: from file to file, and where shape alone says nothing.
 
 use cfreg::method::{Cf, Channel, Consensus, FeatureConfig, Register};
-use cfreg::verify::Decision;
 use cfreg::search::Neighborhood;
+use cfreg::verify::Decision;
 use cfreg::weight::{Bandwidth, Normalization};
 use cfreg::{Channels, Error, PointCloud, Transform, filter, io, verify};
 use rand::{RngExt, SeedableRng};

@@ -4,8 +4,8 @@ use crate::common;
 
 use cfreg::experiment::shape::boulder;
 use cfreg::method::{Register, Registration, Teaser};
-use cfreg::verify::{Warning, pose_error};
 use cfreg::search::Neighborhood;
+use cfreg::verify::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform, math};
 use common::compare::poses_differ_by;
 use rand::seq::SliceRandom;

@@ -1,10 +1,7 @@
 //! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
 
-mod confidence;
-mod evidence;
 mod filtered_cloud;
 mod hypotheses;
-mod refine;
 mod result;
 mod scale_mismatch;
 mod scan;
@@ -16,12 +13,10 @@ mod weight_graph;
 
 use serde::{Deserialize, Serialize};
 
-use self::evidence::PoseEvidence;
 use self::filtered_cloud::FilteredCloud;
-use self::refine::{RefineOptions, Refined, refine};
-use self::scan::{INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis};
+use self::scan::{Scan, ViewpointHypothesis};
 pub use self::scored_pose::ScoredPose;
-use self::trial::{LocalScoredPose, ViewpointTrial};
+use self::trial::ViewpointTrial;
 use super::registration::Timings;
 use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -30,6 +25,8 @@ use crate::math::{self, Vec3};
 use crate::normals::OrientedBy;
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
+use crate::surface::{INLIER_DISTANCE, RefineOptions, Refined, Surface, refine, to_cloud_frames};
+use crate::verify::{PoseEvidence, VerdictModel};
 
 /// Global registration of scans that overlap in part: the method for clouds of which nothing is
 /// known.
@@ -93,6 +90,9 @@ pub struct Consensus {
     ///
     /// [`filter::find_no_returns`]: crate::filter::find_no_returns
     pub keep_no_returns: bool,
+    /// The model that ranks poses and gives the verdict; default the built-in one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<Box<VerdictModel>>,
     /// Threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
@@ -106,6 +106,7 @@ impl Default for Consensus {
             channels: Vec::new(),
             range_limit: true,
             keep_no_returns: false,
+            model: None,
             threads: 0,
         }
     }
@@ -156,7 +157,18 @@ impl Consensus {
             return Err(Error::config("seeds", 0, "must be at least 1"));
         }
         self.channels.iter().try_for_each(Channel::validate)?;
+        self.verdict_model().validate()?;
         self.prior.validate_for(ScaleEstimate::Fixed)
+    }
+
+    /// The same with another model for the verdict.
+    pub fn model(self, model: VerdictModel) -> Self {
+        Consensus { model: Some(model.into()), ..self }
+    }
+
+    /// The model in force.
+    pub(super) fn verdict_model(&self) -> &VerdictModel {
+        self.model.as_deref().unwrap_or(VerdictModel::built_in())
     }
 
     /// The length that all others follow from.
@@ -226,7 +238,7 @@ impl Consensus {
             times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
         let attempts = config.run_trials(&scans, sensors, length, times)?;
         let odds = |attempt: &ViewpointTrial| {
-            attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.evidence.log_odds())
+            attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.log_odds)
         };
         // The first of those that are equally good.
         let ranked = attempts.iter().enumerate().rev();
@@ -240,12 +252,7 @@ impl Consensus {
         let settled = times.time("refine", || {
             refine(ends, &first.pose, INLIER_DISTANCE * length, FINE_REFINEMENT, &self.prior)
         });
-        let evidence = PoseEvidence::compute(
-            ends,
-            &at.correspondences,
-            &settled.pose,
-            COARSE_REFINEMENT.max_points,
-        );
+        let evidence = at.evidence(&settled.pose, COARSE_REFINEMENT.max_points);
         Ok(ConsensusSearch {
             config,
             voxel_size: length,
@@ -308,17 +315,6 @@ fn probe_points(surface: &Surface) -> Vec<Vec3> {
 fn mean_displacement(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
     let off = |&place: &Vec3| math::norm(math::sub(a.apply(place), b.apply(place)));
     places.iter().map(off).sum::<f64>() / places.len() as f64
-}
-
-/// A pose between local frames as one between the clouds' own.
-fn to_cloud_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
-    let there = math::add(pose.translation, onto.origin);
-    Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
-}
-
-/// A pose between the clouds' own frames as one between local ones.
-fn to_local_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
-    Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
 }
 
 impl Register for Consensus {

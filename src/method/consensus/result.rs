@@ -1,11 +1,12 @@
 //! What came out best, with the verdict on it.
 
-use super::scan::{Scan, Surface};
-use super::{ConsensusSearch, to_cloud_frames};
+use super::ConsensusSearch;
+use super::scan::Scan;
 use crate::error::Result;
 use crate::method::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
 use crate::method::{Method, Registration, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
+use crate::surface::{Surface, to_cloud_frames};
 
 impl ConsensusSearch<'_> {
     /// The registration by the best pose, with its verdict; seconds are added to `times`.

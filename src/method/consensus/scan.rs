@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::filtered_cloud::FilteredCloud;
 use super::viewpoint_sample::ViewpointSample;
-use crate::cloud::{Descriptors, PointCloud};
+use crate::cloud::PointCloud;
 use crate::descriptor::{HistogramScale, fpfh};
 use crate::error::{Error, Result};
 use crate::filter;
@@ -14,15 +14,11 @@ use crate::method::cache::{Cache, HeapSize};
 use crate::method::channels::{
     Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
 };
-use crate::moments::FeatureView;
 use crate::normals::{self, Orientation, OrientedBy};
-use crate::search::{Neighbor, Neighborhood, Neighbors, OccupancyGrid, SearchTree};
+use crate::search::{Neighborhood, Neighbors};
+use crate::surface::{SEARCH_RADIUS, Surface, SurfaceIndex};
 use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 
-/// Distance within which surfaces lie on each other, in lengths.
-pub(super) const INLIER_DISTANCE: f64 = 1.5;
-/// Distance beyond which no surface is looked for, in lengths.
-pub(super) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
 /// Nearest points that make a normal.
 const NORMAL_NEIGHBORS: usize = 20;
 /// Nearest points that make a descriptor.
@@ -74,24 +70,6 @@ pub(super) enum ViewpointHypothesis {
     Estimated(Vec3),
     /// From all around.
     Outward,
-}
-
-/// A scan seen from a place. Positions are about `origin`.
-#[derive(Clone)]
-pub(super) struct Surface {
-    pub(super) points: Vec<[f32; 3]>,
-    pub(super) origin: Vec3,
-    /// Unit vectors.
-    pub(super) normals: Vec<[f32; 3]>,
-    pub(super) descriptors: Descriptors,
-    /// Beside the descriptors until they are [appended](Self::append_channels).
-    channels: Vec<Vec<f32>>,
-    /// How much points count; all alike where the cloud has no weights.
-    weights: Option<Vec<f32>>,
-    tree: Arc<SearchTree>,
-    occupancy: Arc<OccupancyGrid>,
-    pub(super) depth_image: Option<Arc<DepthImage>>,
-    pub(super) oriented_by: OrientedBy,
 }
 
 impl<'a> Scan<'a> {
@@ -283,8 +261,7 @@ impl DownsampledScan {
         let points: Vec<[f32; 3]> = defined.iter().map(|&i| points[i]).collect();
         let at_points = |own: &[f32]| defined.iter().map(|&i| own[i]).collect();
         Ok(Surface {
-            tree: SearchTree::new(&points)?.into(),
-            occupancy: OccupancyGrid::new(&points, SEARCH_RADIUS * self.voxel_size).into(),
+            index: SurfaceIndex::new(&points, SEARCH_RADIUS * self.voxel_size)?.into(),
             points,
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
@@ -297,70 +274,30 @@ impl DownsampledScan {
     }
 }
 
-/// Squared distance of two descriptors.
-pub(super) fn squared_descriptor_distance(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
-}
-
 impl HeapSize for Surface {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
-        // Points once more, with their numbers, in the tree. What was seen counts by itself.
-        let tree = self.len() * 4 * 4;
+        // The depth image counts by itself.
         let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
-        own + tree + self.occupancy.bytes()
+        own + self.index.bytes(self.len())
     }
 }
 
-impl Surface {
-    pub(super) fn len(&self) -> usize {
-        self.points.len()
+/// Puts the values of `channels` beside the descriptors of both.
+pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
+    if channels.is_empty() {
+        return Ok(());
     }
-
-    pub(super) fn point(&self, i: usize) -> Vec3 {
-        self.points[i].map(f64::from)
+    let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
+        descriptors: &side.descriptors,
+        channels: &side.channels,
+    });
+    let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
+    for (side, descriptors) in sides.iter_mut().zip(joined) {
+        // The scale of a channel follows from both sides: the cached surface stays as it is.
+        *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
     }
-
-    /// The point nearest to `place`; none, mostly, where it is more than
-    /// [`SEARCH_RADIUS`] away.
-    pub(super) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
-        let place = place.map(|x| x as f32);
-        self.occupancy.may_contain(&place).then(|| self.tree.nearest(&place))
-    }
-
-    pub(super) fn normal(&self, i: usize) -> Vec3 {
-        self.normals[i].map(f64::from)
-    }
-
-    /// How much point `i` counts, 1 in the mean.
-    pub(super) fn weight(&self, i: usize) -> f64 {
-        self.weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
-    }
-
-    /// Puts the values of `channels` beside the descriptors of both.
-    pub(super) fn append_channels(
-        sides: &mut [Arc<Surface>; 2],
-        channels: &[Channel],
-    ) -> Result<()> {
-        if channels.is_empty() {
-            return Ok(());
-        }
-        let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
-            descriptors: &side.descriptors,
-            channels: &side.channels,
-        });
-        let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
-        for (side, descriptors) in sides.iter_mut().zip(joined) {
-            // How much a channel counts follows from both: the one that is kept stays as it is.
-            *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
-        }
-        Ok(())
-    }
-
-    /// One side of a full connection.
-    pub(super) fn feature_view(&self) -> FeatureView<'_> {
-        FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
-    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! Every pose that was weighed before the answer, with its evidence: what the verdict is fitted on.
 
-use super::confidence::Confidence;
-use super::evidence::PoseEvidence;
-use super::{Consensus, to_cloud_frames};
+use super::Consensus;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::method::registration::Timings;
 use crate::par;
+use crate::surface::to_cloud_frames;
+use crate::verify::{Confidence, PoseEvidence};
 
 /// A pose that [`Consensus`] judged, and what it had for and against it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,31 +34,28 @@ impl ScoredPose {
     fn from_evidence(transform: Transform, evidence: &PoseEvidence) -> ScoredPose {
         let PoseEvidence {
             overlap,
-            descriptor_distinctiveness: likeness,
-            inlier_score: support,
-            free_space_violation: contradicted,
+            descriptor_distinctiveness,
+            inlier_score,
+            free_space_violation,
         } = *evidence;
-        let (votes, spread, answer) = (None, None, false);
         ScoredPose {
             transform,
             overlap,
-            descriptor_distinctiveness: likeness,
-            inlier_score: support,
-            free_space_violation: contradicted,
-            supporting_hypotheses: votes,
-            translation_std: spread,
-            is_best: answer,
+            descriptor_distinctiveness,
+            inlier_score,
+            free_space_violation,
+            supporting_hypotheses: None,
+            translation_std: None,
+            is_best: false,
         }
     }
 
-    fn from_confidence(transform: Transform, standing: &Confidence) -> ScoredPose {
-        let (votes, spread) =
-            (Some(standing.supporting_hypotheses), Some(standing.translation_std));
+    fn from_confidence(transform: Transform, confidence: &Confidence) -> ScoredPose {
         ScoredPose {
-            supporting_hypotheses: votes,
-            translation_std: spread,
+            supporting_hypotheses: Some(confidence.supporting_hypotheses),
+            translation_std: Some(confidence.bounded_translation_std()),
             is_best: true,
-            ..ScoredPose::from_evidence(transform, &standing.evidence)
+            ..ScoredPose::from_evidence(transform, &confidence.evidence)
         }
     }
 }
@@ -89,7 +86,7 @@ impl Consensus {
             let [from, onto] = &search.trials[search.best_trial].surfaces;
             let pose = &search.refined.pose;
             let covariance = search.covariance(pose);
-            let standing = search.compute_confidence(pose, search.evidence, covariance.as_ref());
+            let standing = search.confidence(pose, search.evidence, covariance.as_ref());
             judged.push(ScoredPose::from_confidence(to_cloud_frames(pose, from, onto), &standing));
             Ok(judged)
         })?

@@ -2,18 +2,16 @@
 
 use std::sync::Arc;
 
-use super::evidence::PoseEvidence;
 use super::hypotheses::Correspondences;
-use super::refine::refine;
-use super::scan::{
-    INLIER_DISTANCE, Scan, Surface, ViewpointHypothesis, squared_descriptor_distance,
-};
+use super::scan::{Scan, ViewpointHypothesis, append_channels};
 use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
+use crate::surface::{INLIER_DISTANCE, Surface, refine};
+use crate::verify::{PoseEvidence, VerdictModel, squared_descriptor_distance};
 
 /// Most matches: their graph takes the square of them in bits.
 const MAX_CORRESPONDENCES: usize = 2500;
@@ -31,6 +29,14 @@ const EARLY_EXIT_LOG_ODDS: f64 = 5.0;
 pub(super) struct LocalScoredPose {
     pub(super) pose: Transform,
     pub(super) evidence: PoseEvidence,
+    /// The logarithm of its odds by the evidence alone.
+    pub(super) log_odds: f64,
+}
+
+impl LocalScoredPose {
+    pub(super) fn new(pose: Transform, evidence: PoseEvidence, model: &VerdictModel) -> Self {
+        LocalScoredPose { pose, evidence, log_odds: model.pose_log_odds(&evidence) }
+    }
 }
 
 /// One way to see both clouds, and what came of it.
@@ -44,6 +50,11 @@ pub(super) struct ViewpointTrial {
 impl ViewpointTrial {
     pub(super) fn surface_refs(&self) -> [&Surface; 2] {
         self.surfaces.each_ref().map(|surface| &**surface)
+    }
+
+    /// The evidence for `pose` on at most `max_points` of each surface.
+    pub(super) fn evidence(&self, pose: &Transform, max_points: usize) -> PoseEvidence {
+        score_pose(self.surface_refs(), &self.correspondences, pose, max_points)
     }
 }
 
@@ -59,7 +70,7 @@ impl Consensus {
         let mut attempts = Vec::new();
         let mut attempt = |views: [ViewpointHypothesis; 2], times: &mut Timings| -> Result<bool> {
             let found = self.run_trial(scans, views, length, times)?;
-            let odds = found.candidates.first().map(|best| best.evidence.log_odds());
+            let odds = found.candidates.first().map(|best| best.log_odds);
             attempts.push(found);
             Ok(odds.is_some_and(|odds| odds >= EARLY_EXIT_LOG_ODDS))
         };
@@ -101,8 +112,7 @@ impl Consensus {
         if !self.channels.is_empty() {
             let bare = times.time("matches", || match_features(&surfaces, length))?;
             found = times.time("hypotheses", || find(&bare));
-            times
-                .time("descriptors", || Surface::append_channels(&mut surfaces, &self.channels))?;
+            times.time("descriptors", || append_channels(&mut surfaces, &self.channels))?;
         }
         let matches = times.time("matches", || match_features(&surfaces, length))?;
         found.extend(times.time("hypotheses", || find(&matches)));
@@ -118,12 +128,12 @@ impl Consensus {
             }
         }
         let ends = [&*source, &*target];
-        let judged = |pose: Transform, most| LocalScoredPose {
-            pose,
-            evidence: PoseEvidence::compute(ends, &matches, &pose, most),
+        let model = self.verdict_model();
+        let judged = |pose: Transform, most| {
+            LocalScoredPose::new(pose, score_pose(ends, &matches, &pose, most), model)
         };
         let sorted = |mut all: Vec<LocalScoredPose>| {
-            all.sort_by(|a, b| b.evidence.log_odds().total_cmp(&a.evidence.log_odds()));
+            all.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
             all
         };
         let candidates = times.time("judge", || {
@@ -150,6 +160,17 @@ impl Consensus {
         });
         Ok(ViewpointTrial { surfaces: [source, target], correspondences: matches, candidates })
     }
+}
+
+/// The evidence for `pose` on at most `max_points` of each surface.
+fn score_pose(
+    surfaces: [&Surface; 2],
+    correspondences: &Correspondences,
+    pose: &Transform,
+    max_points: usize,
+) -> PoseEvidence {
+    let inlier_score = correspondences.inlier_score(pose);
+    PoseEvidence::compute(surfaces, pose, inlier_score, correspondences.voxel_size, max_points)
 }
 
 /// Pairs of points that are each other's most alike, the most alike first where there are many.

@@ -1,19 +1,19 @@
 //! The verdict on a pose, whoever found it, beside all poses that were tried.
 
-use super::confidence::Confidence;
-use super::evidence::PoseEvidence;
-use super::refine::refine;
-use super::scan::INLIER_DISTANCE;
+use super::trial::LocalScoredPose;
 use super::{
-    COARSE_REFINEMENT, Consensus, ConsensusSearch, DISTINCT_POSE, FINE_REFINEMENT, LocalScoredPose,
-    MAX_REFINE_SHIFT, mean_displacement, probe_points, to_cloud_frames, to_local_frames,
+    COARSE_REFINEMENT, Consensus, ConsensusSearch, DISTINCT_POSE, DUPLICATE_POSE, FINE_REFINEMENT,
+    MAX_REFINE_SHIFT, mean_displacement, probe_points,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::method::Cached;
 use crate::method::registration::Timings;
 use crate::par;
-use crate::verify::{Decision, PoseCovariance, RunnerUp, Verdict};
+use crate::surface::{
+    INLIER_DISTANCE, SurfacePair, refine, surface_pairs, to_cloud_frames, to_local_frames,
+};
+use crate::verify::{Confidence, Decision, PoseCovariance, PoseEvidence, RunnerUp, Verdict};
 
 impl Consensus {
     /// The verdict on a `pose` that another method or program found: what a search of this
@@ -80,77 +80,46 @@ impl ConsensusSearch<'_> {
     /// The verdict on a pose between the clouds' own frames.
     pub(in crate::method) fn verify(&self, pose: &Transform) -> Verdict {
         let best = &self.trials[self.best_trial];
-        let (ends, matches) = (best.surface_refs(), &best.correspondences);
-        let corners = probe_points(ends[0]);
-        let pose = to_local_frames(pose, ends[0], ends[1]);
-        let settled = refine(
-            ends,
-            &pose,
-            INLIER_DISTANCE * self.voxel_size,
-            FINE_REFINEMENT,
-            &self.config.prior,
-        )
-        .pose;
-        let away = mean_displacement(&settled, &pose, &corners);
-        let held = if away <= MAX_REFINE_SHIFT * self.voxel_size { settled } else { pose };
-        let evidence = PoseEvidence::compute(ends, matches, &held, COARSE_REFINEMENT.max_points);
-        let mut verdict = self.build_verdict(&held, evidence, self.covariance(&held));
-        let degrees = settled.after(&pose.inverse()).angle().to_degrees();
+        let surfaces = best.surface_refs();
+        let probes = probe_points(surfaces[0]);
+        let pose = to_local_frames(pose, surfaces[0], surfaces[1]);
+        let max_distance = INLIER_DISTANCE * self.voxel_size;
+        let refined = refine(surfaces, &pose, max_distance, FINE_REFINEMENT, &self.config.prior);
+        let shift = mean_displacement(&refined.pose, &pose, &probes);
+        let is_near = shift <= MAX_REFINE_SHIFT * self.voxel_size;
+        let near = if is_near { refined.pose } else { pose };
+        let evidence = best.evidence(&near, COARSE_REFINEMENT.max_points);
+        let mut verdict = self.build_verdict(&near, evidence, self.covariance(&near));
+        let degrees = refined.pose.after(&pose.inverse()).angle().to_degrees();
         verdict.reasons.push(format!(
-            "the surfaces settle {degrees:.2} degrees away, {away:.3e} in the mean of their points"
+            "refinement on the surfaces moves the pose by {degrees:.2} degrees, and its points by \
+             {shift:.3e} on average"
         ));
         verdict
     }
 
-    /// On a pose between the local frames, for which `evidence` speaks.
+    /// The verdict on a pose between the local frames, with its `evidence`.
     pub(super) fn build_verdict(
         &self,
         pose: &Transform,
         evidence: PoseEvidence,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let standing = self.compute_confidence(pose, evidence, covariance.as_ref());
-        let mut reasons = vec![
-            format!(
-                "{:.0} % of a surface lies on the other and faces alike",
-                100.0 * evidence.overlap
-            ),
-            format!(
-                "surfaces that lie on each other look alike by {:.2} nats",
-                evidence.descriptor_distinctiveness
-            ),
-            format!("{:.1} matches agree", evidence.inlier_score),
-            format!(
-                "{} of the poses that were settled are this one",
-                standing.supporting_hypotheses
-            ),
-        ];
-        if let Some(share) = evidence.free_space_violation {
-            let percent = 100.0 * share;
-            reasons.push(format!("{percent:.1} % stand where a sensor looked through"));
+        let confidence = self.confidence(pose, evidence, covariance.as_ref());
+        let mut reasons = self.reasons(&confidence);
+        let unconstrained = covariance.as_ref().map_or(0, |known| known.unobservable.len());
+        if unconstrained > 0 {
+            reasons.push(format!(
+                "{unconstrained} of 6 degrees of freedom are unconstrained (planar, cylindrical or \
+                 spherical geometry)"
+            ));
         }
-        if let Some(loose) = covariance.as_ref().map(|it| it.unobservable.len()).filter(|&n| n > 0)
-        {
-            reasons.push(format!("nothing holds the pose along {loose} of 6 motions"));
-        }
-        for (scan, name) in self.scans.iter().zip(["source", "target"]) {
-            if let Some(limit) = scan.filtered_cloud().range_limit() {
-                let (points, range) = (limit.points, limit.range);
-                let rest = "at the limit of its sensor's range, are left out (range_limit=false \
-                            keeps them)";
-                reasons.push(format!("{points} points of the {name} {range:.1} away, {rest}"));
-            }
-            if scan.filtered_cloud().min_range() > 0.0 {
-                let nearest = scan.filtered_cloud().min_range();
-                reasons.push(format!(
-                    "what of the {name} is within {nearest:.3e} of its sensor, and may travel \
-                     with it, is left out: sensor lies on sensor"
-                ));
-            }
-        }
-        let runner_up = self.find_runner_up(pose, &standing);
-        let told = standing.probability();
-        let verdict = Verdict::new(told, evidence.overlap, reasons, runner_up, covariance);
+        reasons.extend(self.excluded_points());
+        let runner_up = self.find_runner_up(pose, &confidence);
+        let model = self.config.verdict_model();
+        let probability = model.probability(&confidence);
+        let verdict =
+            Verdict::new(model, probability, evidence.overlap, reasons, runner_up, covariance);
         if verdict.decision == Decision::Accept
             && let Some(other) = self.find_scale_mismatch(pose, &evidence)
         {
@@ -159,28 +128,120 @@ impl ConsensusSearch<'_> {
         verdict
     }
 
-    /// The most probable pose that is another than `pose`, of all that was tried; held as
-    /// well as that is.
-    fn find_runner_up(&self, pose: &Transform, standing: &Confidence) -> Option<RunnerUp> {
+    /// The evidence in words.
+    fn reasons(
+        &self,
+        Confidence { evidence, supporting_hypotheses, .. }: &Confidence,
+    ) -> Vec<String> {
+        let mut reasons = vec![
+            format!(
+                "{:.0} % of the surface overlaps, with normals that agree",
+                100.0 * evidence.overlap
+            ),
+            format!(
+                "local shape where the surfaces overlap matches with a score of {:.1} (unrelated \
+                 surfaces score about 0)",
+                evidence.descriptor_distinctiveness
+            ),
+            format!("the inlier score of the correspondences is {:.1}", evidence.inlier_score),
+            match supporting_hypotheses {
+                0 => "none of the hypotheses converged to this pose".into(),
+                1 => "only one of the hypotheses converged to this pose".into(),
+                many => format!("{many} of the hypotheses converged to this pose"),
+            },
+        ];
+        if let Some(share) = evidence.free_space_violation {
+            let percent = 100.0 * share;
+            reasons.push(format!(
+                "{percent:.1} % of the points lie in space that the other sensor saw to be empty"
+            ));
+        }
+        reasons
+    }
+
+    /// Points that were excluded from the search, in words.
+    fn excluded_points(&self) -> Vec<String> {
+        let mut reasons = Vec::new();
+        for (scan, name) in self.scans.iter().zip(["source", "target"]) {
+            if let Some(limit) = scan.filtered_cloud().range_limit() {
+                let (points, range) = (limit.points, limit.range);
+                reasons.push(format!(
+                    "{points} points at the maximum range of the {name} sensor ({range:.1}) were \
+                     excluded (range_limit=false keeps them)"
+                ));
+            }
+            let min_range = scan.filtered_cloud().min_range();
+            if min_range > 0.0 {
+                reasons.push(format!(
+                    "points within {min_range:.3e} of the {name} sensor were excluded as \
+                     ego-vehicle (the pose aligns both sensors)"
+                ));
+            }
+        }
+        reasons
+    }
+
+    /// The confidence in `pose`, with its `evidence`.
+    pub(super) fn confidence(
+        &self,
+        pose: &Transform,
+        evidence: PoseEvidence,
+        covariance: Option<&PoseCovariance>,
+    ) -> Confidence {
+        let std = |known: &PoseCovariance| {
+            let variance: f64 = (3..6).map(|i| known.matrix[i][i]).sum();
+            variance.sqrt() / self.voxel_size
+        };
+        Confidence {
+            evidence,
+            supporting_hypotheses: self.count_supporting_hypotheses(pose),
+            translation_std: covariance.map(std),
+        }
+    }
+
+    /// Refined hypotheses that converged to `pose`.
+    fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
+        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
+        let all = self.trials.iter().flat_map(|trial| &trial.candidates);
+        all.filter(|other| {
+            mean_displacement(&other.pose, pose, &probes) <= DUPLICATE_POSE * self.voxel_size
+        })
+        .count()
+    }
+
+    /// The covariance of `pose`, if it is the right one.
+    pub(super) fn covariance(&self, pose: &Transform) -> Option<PoseCovariance> {
+        let surfaces = self.trials[self.best_trial].surface_refs();
+        let max_distance = INLIER_DISTANCE * self.voxel_size;
+        let pairs = |pose: &Transform, max_points: usize| -> Vec<SurfacePair> {
+            let stride = surfaces[0].len().div_ceil(max_points).max(1);
+            surface_pairs(surfaces, pose, max_distance, stride).map(|(.., pair)| pair).collect()
+        };
+        PoseCovariance::estimate(pairs, pose, surfaces[1].origin, self.voxel_size)
+    }
+
+    /// The most probable pose of the search that differs from `pose`, taken to be as well
+    /// constrained.
+    fn find_runner_up(&self, pose: &Transform, confidence: &Confidence) -> Option<RunnerUp> {
+        let model = self.config.verdict_model();
         let [from, onto] = &self.trials[self.best_trial].surfaces;
-        let corners = probe_points(from);
-        let answer = LocalScoredPose { pose: self.refined.pose, evidence: self.evidence };
-        let all = self.trials.iter().flat_map(|attempt| &attempt.candidates);
-        all.chain([&answer])
+        let probes = probe_points(from);
+        let best = LocalScoredPose::new(self.refined.pose, self.evidence, model);
+        let all = self.trials.iter().flat_map(|trial| &trial.candidates);
+        all.chain([&best])
             .filter(|other| {
-                mean_displacement(&other.pose, pose, &corners) > DISTINCT_POSE * self.voxel_size
+                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
             })
-            .max_by(|a, b| a.evidence.log_odds().total_cmp(&b.evidence.log_odds()))
+            .max_by(|a, b| a.log_odds.total_cmp(&b.log_odds))
             .map(|other| {
-                let votes = self.count_supporting_hypotheses(&other.pose);
-                let standing = Confidence {
+                let confidence = Confidence {
                     evidence: other.evidence,
-                    supporting_hypotheses: votes,
-                    ..*standing
+                    supporting_hypotheses: self.count_supporting_hypotheses(&other.pose),
+                    ..*confidence
                 };
                 RunnerUp {
                     transform: to_cloud_frames(&other.pose, from, onto),
-                    probability: standing.probability(),
+                    probability: model.probability(&confidence),
                 }
             })
     }

@@ -1,11 +1,12 @@
 //! The matches, and how they agree with a pose.
 
-use super::{Consensus, to_local_frames};
+use super::Consensus;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::method::registration::Timings;
 use crate::method::weight_graph::WeightGraph;
 use crate::par;
+use crate::surface::to_local_frames;
 
 impl Consensus {
     /// The matches of the view of both clouds that the answer is from.

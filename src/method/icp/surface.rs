@@ -9,13 +9,14 @@ use std::sync::Arc;
 use super::Metric;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math::cholesky::{self, Mat6, Vec6};
+use crate::math::cholesky::Vec6;
 use crate::math::{self, Mat3, Vec3};
 use crate::method::cache::{Cached, HeapSize};
 use crate::moments::WeightedPair;
 use crate::normals::{self, Orientation};
 use crate::par;
 use crate::search::{Neighborhood, Neighbors};
+use crate::surface::NormalEquations;
 
 /// Variance of a disc along its normal; 1 within it (Segal et al., section III-C).
 const NORMAL_VARIANCE: f64 = 1e-3;
@@ -46,13 +47,6 @@ impl HeapSize for CloudNormals {
     fn bytes(&self) -> usize {
         size_of_val(&self.0[..])
     }
-}
-
-/// Σ w JᵀMJ, Σ w JᵀMe and Σ w eᵀMe.
-struct NormalEquations {
-    hessian: Mat6,
-    gradient: Vec6,
-    error: f64,
 }
 
 /// The two clouds and the pairs between them.
@@ -99,17 +93,14 @@ impl SurfaceProblem {
         // M is kept during a step, as in small_gicp: it changes little with R.
         let information = self.information_matrices(on, pose);
         let system = self.normal_equations(on, pose, &information);
-        let mean = (0..6).map(|i| system.hessian[i][i]).sum::<f64>() / 6.0;
+        let mean = system.mean_curvature();
         if mean.is_nan() || mean <= 0.0 {
             return Err(Error::NO_WEIGHT);
         }
         let mut damping = DAMPING;
         while damping < 1e6 {
-            let mut damped = system.hessian;
-            (0..6).for_each(|i| damped[i][i] += damping * mean);
-            if let Some(factor) = cholesky::factor(&damped) {
-                let next =
-                    self.apply_twist(pose, cholesky::solve(&factor, &system.gradient.map(|x| -x)));
+            if let Some(twist) = system.solve(damping * mean) {
+                let next = self.apply_twist(pose, twist);
                 if self.weighted_error(on, &next, &information) <= system.error {
                     return Ok(next);
                 }
@@ -126,10 +117,7 @@ impl SurfaceProblem {
         let normal = |pair: &WeightedPair| self.normal(pair);
         let information: Vec<Mat3> =
             on.pairs.iter().map(|p| math::outer(normal(p), normal(p))).collect();
-        let curvature = self.normal_equations(on, pose, &information).hessian;
-        let mean = (0..6).map(|i| curvature[i][i]).sum::<f64>() / 6.0;
-        let pivots = cholesky::factor(&curvature).map(|l| (0..6).map(move |i| l[i][i] * l[i][i]));
-        pivots.map_or(0.0, |pivots| pivots.fold(f64::INFINITY, f64::min) / mean)
+        self.normal_equations(on, pose, &information).min_pivot()
     }
 
     fn normal(&self, pair: &WeightedPair) -> Vec3 {
@@ -184,27 +172,22 @@ impl SurfaceProblem {
         on: PairSet<'_>,
         pose: &Transform,
         information: &[Mat3],
-    ) -> NormalEquations {
-        let zero = || NormalEquations { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], error: 0.0 };
+    ) -> NormalEquations<6> {
         let blocks = par::map_blocks(
             on.pairs.len(),
             BLOCK,
             || (),
             |_, block| {
-                let mut sums = zero();
+                let mut sums = NormalEquations::ZERO;
                 for k in block {
                     let (e, y) = self.residual(on, &on.pairs[k], pose);
-                    sums.add(on.pairs[k].weight, e, y, &information[k]);
+                    sums.add_residual(on.pairs[k].weight, e, y, &information[k]);
                 }
                 sums
             },
         );
-        blocks.iter().fold(zero(), |mut sums, block| {
-            for a in 0..6 {
-                sums.gradient[a] += block.gradient[a];
-                (0..6).for_each(|b| sums.hessian[a][b] += block.hessian[a][b]);
-            }
-            sums.error += block.error;
+        blocks.iter().fold(NormalEquations::ZERO, |mut sums, block| {
+            sums.merge(block);
             sums
         })
     }
@@ -218,27 +201,6 @@ impl SurfaceProblem {
         let at = math::sub(pose.translation, self.center);
         let translation = math::add(math::add(turn.rotate(at), shift), self.center);
         Transform { translation, ..turn.after(pose) }
-    }
-}
-
-impl NormalEquations {
-    /// Columns of J = ∂(T p)/∂motion: a unit rotation about each axis, a unit shift.
-    fn add(&mut self, weight: f64, e: Vec3, y: Vec3, information: &Mat3) {
-        let columns = [
-            [0.0, -y[2], y[1]],
-            [y[2], 0.0, -y[0]],
-            [-y[1], y[0], 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, 1.0],
-        ];
-        let pulled = math::mat_vec(information, e);
-        self.error += weight * math::dot(e, pulled);
-        for a in 0..6 {
-            self.gradient[a] += weight * math::dot(columns[a], pulled);
-            let held = math::scaled(math::mat_vec(information, columns[a]), weight);
-            (0..=a).for_each(|b| self.hessian[a][b] += math::dot(columns[b], held));
-        }
     }
 }
 
@@ -271,28 +233,5 @@ mod tests {
         assert!(
             (math::determinant(&disc_covariance([0.0, 0.6, 0.8])) - NORMAL_VARIANCE).abs() < 1e-15
         );
-    }
-
-    #[test]
-    fn the_gradient_is_the_errors_derivative() {
-        let (e, y) = ([0.3, -0.2, 0.5], [1.0, 2.0, -0.7]);
-        let information = invert_symmetric(&add_matrices(
-            &disc_covariance([0.0, 0.6, 0.8]),
-            &disc_covariance([1.0, 0.0, 0.0]),
-        ));
-        let mut system = NormalEquations { hessian: [[0.0; 6]; 6], gradient: [0.0; 6], error: 0.0 };
-        system.add(2.0, e, y, &information);
-        let error = |motion: Vec6| {
-            let [a, b, c, x, y2, z] = motion;
-            let turned = Transform::from_rotation_vector([a, b, c]).apply(y);
-            let e = math::add(math::sub(math::add(turned, [x, y2, z]), y), e);
-            2.0 * math::dot(e, math::mat_vec(&information, e))
-        };
-        for a in 0..6 {
-            let (mut up, mut down) = ([0.0; 6], [0.0; 6]);
-            (up[a], down[a]) = (1e-5, -1e-5);
-            let slope = (error(up) - error(down)) / 2e-5;
-            assert!((slope - 2.0 * system.gradient[a]).abs() < 1e-5 * slope.abs().max(1.0), "{a}");
-        }
     }
 }

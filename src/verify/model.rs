@@ -1,0 +1,310 @@
+//! The model that turns evidence into probabilities and decisions: its coefficients are data.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+
+use super::evidence::PoseEvidence;
+use crate::error::{Error, Result};
+use crate::io::{self, truncate_message};
+
+/// Bounds of [`Confidence::translation_std`], in voxels: beyond them it tells no more. Chosen by
+/// hand.
+const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
+/// Log odds are clamped to this, up and down: nothing is certain. Chosen by hand.
+const MAX_LOG_ODDS: f64 = 30.0;
+
+static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
+    serde_json::from_str(include_str!("model.json")).expect("a unit test reads the built-in model")
+});
+
+/// Coefficients of two logistic regressions and the thresholds of decisions.
+///
+/// The first ranks the poses of a pair by their evidence,
+///
+/// log odds = intercept + overlap · ln(o + 0.01) + descriptor_distinctiveness · ln(max(d + 0.1, 0.01))
+/// + inlier_score · ln(1 + i) + free_space_violation · √f,
+///
+/// with one set of coefficients where both sensor places are known and one where they are not. The
+/// second tells the probability of the answer,
+///
+/// log odds = intercept + pose · (log odds of the pose) + supporting_hypotheses · ln(1 + h)
+/// + translation_std · ln(s).
+///
+/// The built-in model ([`VerdictModel::default`]) is the file `src/verify/model.json`, which
+/// `python-ref/verdict` writes. A file of the same form replaces it
+/// ([`Consensus::model`](crate::method::Consensus::model)).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VerdictModel {
+    /// Name of the model; every verdict carries it.
+    pub version: String,
+    /// How the coefficients were found; for people.
+    #[serde(default)]
+    pub fitted: serde_json::Map<String, serde_json::Value>,
+    /// Coefficients that rank poses.
+    pub pose: PoseCoefficients,
+    /// Coefficients of the probability of the answer.
+    pub answer: AnswerCoefficients,
+    /// Thresholds of the decisions.
+    pub thresholds: Thresholds,
+}
+
+/// Coefficients that rank poses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseCoefficients {
+    /// Where the places of both sensors are known.
+    pub sensors_known: EvidenceCoefficients,
+    /// Where one is not.
+    pub sensors_unknown: EvidenceCoefficients,
+}
+
+/// Coefficients of the terms of the evidence.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvidenceCoefficients {
+    /// Added to all others.
+    pub intercept: f64,
+    /// Of ln(overlap + 0.01).
+    pub overlap: f64,
+    /// Of ln(max(distinctiveness + 0.1, 0.01)).
+    pub descriptor_distinctiveness: f64,
+    /// Of ln(1 + inlier score).
+    pub inlier_score: f64,
+    /// Of the square root of the violation.
+    pub free_space_violation: f64,
+}
+
+/// Coefficients of the probability of the answer.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AnswerCoefficients {
+    /// Added to all others.
+    pub intercept: f64,
+    /// Of the log odds of the pose.
+    pub pose: f64,
+    /// Of ln(1 + hypotheses that converged to the pose).
+    pub supporting_hypotheses: f64,
+    /// Of the logarithm of the standard deviation of the shift, in voxels.
+    pub translation_std: f64,
+}
+
+/// Thresholds of the decisions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Thresholds {
+    /// Probability from which on a pose is accepted.
+    pub accept: f64,
+    /// Probability below which a pose is rejected, at most that of `accept`; between the two it is
+    /// uncertain.
+    pub reject: f64,
+    /// A pose is ambiguous if an alternative has at least this share of its probability.
+    pub ambiguous_odds: f64,
+}
+
+/// Evidence for the answer of a search.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Confidence {
+    pub(crate) evidence: PoseEvidence,
+    /// Refined hypotheses, of all, that converged to the pose.
+    pub(crate) supporting_hypotheses: usize,
+    /// Standard deviation of its shift, in voxels; `None` where nothing tells it.
+    pub(crate) translation_std: Option<f64>,
+}
+
+impl Confidence {
+    /// The standard deviation of the shift within the range in which it tells something.
+    pub(crate) fn bounded_translation_std(&self) -> f64 {
+        let [min, max] = TRANSLATION_STD_RANGE;
+        self.translation_std.map_or(max, |std| std.clamp(min, max))
+    }
+}
+
+impl Default for VerdictModel {
+    /// The built-in model.
+    fn default() -> Self {
+        BUILT_IN.clone()
+    }
+}
+
+impl VerdictModel {
+    /// The built-in model.
+    pub fn built_in() -> &'static VerdictModel {
+        &BUILT_IN
+    }
+
+    /// Reads a model from a file of JSON.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`] for JSON that is no model; those of
+    /// [`validate`](Self::validate).
+    pub fn read(path: impl AsRef<Path>) -> Result<VerdictModel> {
+        let path = path.as_ref();
+        let text = io::limited_file::read_text(
+            path,
+            io::limited_file::MAX_DOCUMENT_BYTES,
+            "a verdict model",
+        )?;
+        let model: VerdictModel = serde_json::from_str(&text).map_err(|error| {
+            let what = truncate_message(&format!("is not a verdict model: {error}"));
+            Error::parse(path, None, what)
+        })?;
+        model.validate()?;
+        Ok(model)
+    }
+
+    /// Checks that all coefficients are finite and that 0 ≤ reject ≤ accept ≤ 1.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with the name of the first number that is out of its range.
+    pub fn validate(&self) -> Result<()> {
+        let Thresholds { accept, reject, ambiguous_odds } = self.thresholds;
+        if !(0.0..=1.0).contains(&accept) {
+            return Err(Error::config("accept", accept, "must be in [0, 1]"));
+        }
+        if !(0.0..=accept).contains(&reject) {
+            let rule = format!("must be in [0, {accept}], at most the threshold accept");
+            return Err(Error::config("reject", reject, rule));
+        }
+        if !(0.0..=1.0).contains(&ambiguous_odds) {
+            return Err(Error::config("ambiguous_odds", ambiguous_odds, "must be in [0, 1]"));
+        }
+        let of_evidence = |c: EvidenceCoefficients| {
+            [
+                c.intercept,
+                c.overlap,
+                c.descriptor_distinctiveness,
+                c.inlier_score,
+                c.free_space_violation,
+            ]
+        };
+        let answer = self.answer;
+        let all = [
+            ("sensors_known", &of_evidence(self.pose.sensors_known)[..]),
+            ("sensors_unknown", &of_evidence(self.pose.sensors_unknown)[..]),
+            (
+                "answer",
+                &[
+                    answer.intercept,
+                    answer.pose,
+                    answer.supporting_hypotheses,
+                    answer.translation_std,
+                ][..],
+            ),
+        ];
+        for (field, coefficients) in all {
+            if let Some(bad) = coefficients.iter().find(|x| !x.is_finite()) {
+                return Err(Error::config(field, *bad, "must be finite"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The logarithm of the odds that a pose is right, by its evidence alone: ranks the poses of a
+    /// pair.
+    pub(crate) fn pose_log_odds(&self, evidence: &PoseEvidence) -> f64 {
+        let overlap = (evidence.overlap + 0.01).ln();
+        let distinctiveness = (evidence.descriptor_distinctiveness + 0.1).max(0.01).ln();
+        let inliers = evidence.inlier_score.ln_1p();
+        let sum = |c: &EvidenceCoefficients| {
+            c.intercept
+                + c.overlap * overlap
+                + c.descriptor_distinctiveness * distinctiveness
+                + c.inlier_score * inliers
+        };
+        match evidence.free_space_violation {
+            Some(share) => {
+                let known = &self.pose.sensors_known;
+                sum(known) + known.free_space_violation * share.sqrt()
+            }
+            None => sum(&self.pose.sensors_unknown),
+        }
+    }
+
+    /// The probability that an answer is right, in (0, 1).
+    ///
+    /// Every pair, unrelated ones too, has a pose that ranks first; then few other hypotheses
+    /// converge to it and it is poorly constrained.
+    pub(crate) fn probability(&self, confidence: &Confidence) -> f64 {
+        let hypotheses = (confidence.supporting_hypotheses as f64).ln_1p();
+        let translation_std = confidence.bounded_translation_std().ln();
+        let c = &self.answer;
+        let log_odds = c.intercept
+            + c.pose * self.pose_log_odds(&confidence.evidence)
+            + c.supporting_hypotheses * hypotheses
+            + c.translation_std * translation_std;
+        1.0 / (1.0 + (-log_odds.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)).exp())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EVIDENCE: PoseEvidence = PoseEvidence {
+        overlap: 0.3,
+        descriptor_distinctiveness: 0.7,
+        inlier_score: 9.0,
+        free_space_violation: None,
+    };
+
+    #[test]
+    fn supporting_hypotheses_and_a_small_deviation_make_an_answer_more_probable() {
+        let probability = |supporting_hypotheses, std| {
+            let confidence = Confidence {
+                evidence: EVIDENCE,
+                supporting_hypotheses,
+                translation_std: Some(std),
+            };
+            VerdictModel::built_in().probability(&confidence)
+        };
+        assert!(probability(11, 0.3) > 0.7 && probability(1, 8.0) < 0.3);
+        assert!(probability(2, 0.3) > probability(1, 0.3));
+        assert!(probability(2, 0.1) > probability(2, 0.3));
+    }
+
+    #[test]
+    fn the_built_in_model_is_valid_and_comes_back_from_its_text() {
+        let model = VerdictModel::default();
+        model.validate().unwrap();
+        assert!(model.fitted.contains_key("command") && !model.version.is_empty());
+        let text = serde_json::to_string(&model).unwrap();
+        assert_eq!(serde_json::from_str::<VerdictModel>(&text).unwrap(), model);
+    }
+
+    #[test]
+    fn numbers_out_of_range_name_the_field() {
+        let field = |change: fn(&mut VerdictModel)| {
+            let mut model = VerdictModel::default();
+            change(&mut model);
+            match model.validate() {
+                Err(Error::Config { field, .. }) => field,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(field(|model| model.thresholds.accept = 1.5), "accept");
+        assert_eq!(field(|model| model.thresholds.reject = 0.8), "reject");
+        assert_eq!(field(|model| model.thresholds.ambiguous_odds = -0.1), "ambiguous_odds");
+        assert_eq!(field(|model| model.answer.pose = f64::NAN), "answer");
+        assert_eq!(
+            field(|model| model.pose.sensors_known.overlap = f64::INFINITY),
+            "sensors_known"
+        );
+    }
+
+    #[test]
+    fn a_file_that_is_no_model_is_refused_with_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.json");
+        let good = include_str!("model.json");
+        std::fs::write(&path, good).unwrap();
+        assert_eq!(VerdictModel::read(&path).unwrap(), VerdictModel::default());
+        for bad in ["", "{}", &good.replace("\"overlap\"", "\"overlaps\""), &good[..200]] {
+            std::fs::write(&path, bad).unwrap();
+            let said = VerdictModel::read(&path).unwrap_err().to_string();
+            assert!(said.contains("model.json") && said.contains("verdict model"), "{said}");
+        }
+    }
+}
