@@ -171,7 +171,8 @@ class PoseCovariance:
 class Verdict:
     """Whether to take a pose, and why.
 
-    decision : "accept", "ambiguous" (another pose is about as good) or "reject"
+    decision : "accept"; "ambiguous" (an alternative pose is possible, or a motion is
+        unconstrained); "uncertain" (neither accepted nor improbable); or "reject" (probably wrong)
     probability : that the pose is right, 0 to 1
     reasons : what speaks for and against it, in words
     overlap : share of a surface that lies on the other and faces alike, the larger of both
@@ -180,6 +181,7 @@ class Verdict:
         refinement, that of the pose before
     other_scale : the scale of the source, if that is another than it has, at which clearly more
         of it would lie on the target, or None
+    model : version of the model that gave probability and decision
     """
 
     decision: str
@@ -189,6 +191,7 @@ class Verdict:
     runner_up: RunnerUp | None
     covariance: PoseCovariance | None
     other_scale: float | None = None
+    model: str = ""
 
     @classmethod
     def _of(cls, facts: dict[str, Any]) -> Verdict:
@@ -204,6 +207,7 @@ class Verdict:
             runner_up,
             None if facts["covariance"] is None else PoseCovariance._of(facts["covariance"]),
             facts["other_scale"],
+            facts["model"],
         )
 
 

@@ -32,7 +32,7 @@ pub struct Row {
     pub trusted: Option<bool>,
     /// Grounds for doubt, in words, `; ` between them.
     pub doubts: Option<String>,
-    /// `accept`, `ambiguous` or `reject`, of methods that have a verdict.
+    /// `accept`, `ambiguous`, `uncertain` or `reject`, of methods that have a verdict.
     pub decision: Option<String>,
     /// Probability that the pose is right, in [0, 1].
     pub probability: Option<f64>,

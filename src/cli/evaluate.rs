@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::Known;
+use super::options::{Known, VERDICT_MODEL};
 use super::{Outcome, print, print_json, reading};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::verify::{self, EvaluationReport, Verdict};
+use crate::verify::{self, EvaluationReport, Verdict, VerdictModel};
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -36,6 +36,8 @@ pub(super) struct Evaluate {
     /// probable; exit code 0 only for accept
     #[arg(long)]
     verdict: bool,
+    #[arg(long, value_name = "FILE", requires = "verdict", help = VERDICT_MODEL)]
+    verdict_model: Option<PathBuf>,
     #[command(flatten)]
     known: Known,
     #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
@@ -60,9 +62,12 @@ struct Answer {
 
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Outcome> {
-        let judge = self.known.judge(self.thinning.voxel)?;
+        let mut judge = self.known.judge(self.thinning.voxel)?;
+        if let Some(path) = &self.verdict_model {
+            judge = judge.model(VerdictModel::read(path)?);
+        }
         if let Some(name) = self.known.typed().filter(|_| !self.verdict) {
-            let rule = "is what a verdict goes by: add --verdict";
+            let rule = "requires --verdict";
             return Err(Error::config(name, "given", rule));
         }
         let transform = io::read_transform(&self.transform)?;

@@ -11,6 +11,7 @@ use crate::filter::Downsampling;
 use crate::io;
 use crate::method::{Consensus, Method, Pipeline};
 use crate::pose::{Prior, RotationBound, ScaleEstimate, Solver};
+use crate::verify::VerdictModel;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.
@@ -143,6 +144,8 @@ pub(super) struct MethodOptions {
         default_value = "auto", default_missing_value = "on"
     )]
     verdict: WhenVerified,
+    #[arg(long, value_name = "FILE", help = VERDICT_MODEL)]
+    verdict_model: Option<PathBuf>,
     /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
     /// (0, 0, 0)
     #[arg(long)]
@@ -154,6 +157,10 @@ pub(super) struct MethodOptions {
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 }
+
+/// What `--verdict-model` does.
+pub(super) const VERDICT_MODEL: &str = "Model that ranks poses and gives verdicts, a file like \
+                                        src/verify/model.json [default: the built-in one]";
 
 /// Which poses are verified that have no verdict yet.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -181,8 +188,12 @@ impl MethodOptions {
             WhenVerified::On => true,
             WhenVerified::Off => false,
         };
-        let judge = chain.first().verifier();
-        Ok(if verified { chain.with_verification(judge) } else { chain })
+        let verifier = chain.first().verifier();
+        let chain = if verified { chain.with_verification(verifier) } else { chain };
+        Ok(match &self.verdict_model {
+            Some(path) => chain.with_verdict_model(&VerdictModel::read(path)?),
+            None => chain,
+        })
     }
 
     /// Files that are read for it.

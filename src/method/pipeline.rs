@@ -8,7 +8,7 @@ use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp}
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
-use crate::verify::Warning;
+use crate::verify::{VerdictModel, Warning};
 
 /// A method followed by refinements, each from the pose of the one before: what
 /// `--method cf --refine icp,gicp` is.
@@ -89,6 +89,15 @@ impl Pipeline {
     /// settings ([`Consensus::verify`]). Where the clouds are too small for one, that is a doubt.
     pub fn with_verification(self, judge: Consensus) -> Self {
         Pipeline { verdict: Some(judge), ..self }
+    }
+
+    /// Ranks and verifies poses by another model than the built-in one.
+    pub fn with_verdict_model(mut self, model: &VerdictModel) -> Self {
+        if let Method::Consensus(consensus) = &mut self.first {
+            consensus.model = Some(model.clone().into());
+        }
+        self.verdict = self.verdict.map(|verifier| verifier.model(model.clone()));
+        self
     }
 
     /// Keeps rows that mark missing returns.

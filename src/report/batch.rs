@@ -37,7 +37,7 @@ impl Bulk<'_> {
         let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
             (Some(_), _) => 0,
             (None, Some("reject")) => 1,
-            (None, Some("ambiguous")) => 2,
+            (None, Some("ambiguous" | "uncertain")) => 2,
             _ if row.is_usable() => 4,
             _ => 3,
         };

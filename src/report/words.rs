@@ -43,10 +43,10 @@ impl Headline {
             "ambiguous" if loose > 0 => (
                 "unsure",
                 "?",
-                "Not held in every direction",
+                "Not constrained in every direction",
                 format!(
-                    "Right with a probability of {told}, but nothing holds it along {loose} of 6 \
-                     motions: see the arrows."
+                    "Right with a probability of {told}, but {loose} of 6 degrees of freedom are \
+                     unconstrained: see the arrows."
                 ),
             ),
             "ambiguous" if verdict.other_scale.is_some() => (
@@ -71,9 +71,15 @@ impl Headline {
                         )
                     }
                     None => {
-                        format!("Right with a probability of {told}; others are about as good.")
+                        format!("Right with a probability of {told}; an alternative is possible.")
                     }
                 },
+            ),
+            "uncertain" => (
+                "unsure",
+                "?",
+                "Uncertain",
+                format!("Right with a probability of {told}: check it before you use it."),
             ),
             _ => (
                 "bad",

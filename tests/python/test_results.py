@@ -117,7 +117,7 @@ class Registration(unittest.TestCase):
         self.assertFalse(self.wrong.trusted)
         doubt = self.wrong.doubts[0]
         self.assertEqual(doubt.ground, "low-agreement")
-        self.assertIn("beyond chance", str(doubt))
+        self.assertIn("barely better than chance", str(doubt))
         self.assertLess(doubt.facts["found"], doubt.facts["needed"])
 
     def test_it_is_json_and_back(self):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -33,6 +34,8 @@ class Consensus(Method):
     range_limit : whether returns at the limit of a sensor's range are looked for and left out;
         False where a round wall is taken for such (the reasons of the verdict tell)
     keep_no_returns : whether rows that mark measurements without a return are kept
+    model : the model that ranks poses and gives the verdict, as a file of JSON or its content; None
+        for the built-in one, `src/verify/model.json`
 
     >>> import cfreg
     >>> cfreg.Consensus().voxel is None
@@ -46,12 +49,24 @@ class Consensus(Method):
     channels: str | Sequence[str] = ()
     range_limit: bool = True
     keep_no_returns: bool = False
+    model: str | os.PathLike[str] | dict[str, Any] | None = None
     threads: int = 0
 
     def __post_init__(self) -> None:
         if isinstance(self.channels, list):  # tuples compare, and cannot be changed later
             object.__setattr__(self, "channels", tuple(self.channels))
         super().__post_init__()
+
+    def _given(self) -> dict[str, Any]:
+        given = super()._given()
+        if isinstance(self.model, (str, os.PathLike)):
+            with open(self.model, encoding="utf-8") as file:
+                try:
+                    given["model"] = json.load(file)
+                except ValueError as error:
+                    rule = f"the file is not JSON: {error}"
+                    raise _native.SettingError(f"model = {os.fspath(self.model)}: {rule}") from None
+        return given
 
     def judge(self, source: Any, target: Any, transform: npt.ArrayLike) -> Verdict:
         """Whether a pose is right, whoever found it.
