@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
 use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
-use super::{IterationRecord, Method, Refine, StopReason};
+use super::{Method, Refine, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -146,10 +147,9 @@ impl KernelCorrelation {
         let unit = positions.rms_radius();
         let (first, last) = self.sigma_range(source, target, unit, initial.scale)?;
         let (mut pose, mut sigma) = (*initial, first);
-        let (mut iterations, mut in_level, mut before) = (0, 0, f64::NEG_INFINITY);
-        let mut trace = Vec::new();
-        let (solution, moments, stop) = loop {
-            (iterations, in_level) = (iterations + 1, in_level + 1);
+        let (mut in_level, mut before) = (0, f64::NEG_INFINITY);
+        let iterated = iterate(self.trace, |_| {
+            in_level += 1;
             let kernel = Gaussian { beta: (2.0 * (sigma / unit).powi(2)) as f32 };
             let moments = times.time("moments", || {
                 positions.full_connection(&pose)?.moments(&kernel, Normalization::None)
@@ -158,41 +158,36 @@ impl KernelCorrelation {
                 pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &self.prior)
             })?;
             pose = solution.transform;
-            let objective = moments.weight;
-            if self.trace {
-                trace.push(IterationRecord {
-                    iteration: iterations,
-                    transform: pose,
-                    objective,
-                    weight: moments.weight,
-                    bandwidth: Some(sigma),
-                });
-            }
+            let (objective, bandwidth) = (moments.weight, Some(sigma));
             let settled = objective - before <= self.tolerance * objective;
             before = objective;
-            if !settled && in_level < self.max_iterations {
-                continue;
+            let mut stop = None;
+            if settled || in_level == self.max_iterations {
+                if sigma <= last {
+                    stop = Some(match settled {
+                        true => StopReason::ScheduleEnded,
+                        false => StopReason::IterationLimit,
+                    });
+                }
+                sigma = (sigma * self.factor).max(last);
+                (in_level, before) = (0, f64::NEG_INFINITY);
             }
-            if sigma <= last {
-                let stop =
-                    if settled { StopReason::ScheduleEnded } else { StopReason::IterationLimit };
-                break (solution, moments, stop);
-            }
-            sigma = (sigma * self.factor).max(last);
-            (in_level, before) = (0, f64::NEG_INFINITY);
-        };
+            let (weight, state) = (moments.weight, (solution, moments));
+            Ok(Iteration { transform: pose, objective, weight, bandwidth, stop, state })
+        })?;
+        let (solution, moments) = iterated.state;
         let points = PointCounts {
             source: CloudCounts::from_cloud(source),
             target: CloudCounts::from_cloud(target),
         };
         let found = SolvedPose {
-            transform: pose,
+            transform: iterated.transform,
             moments,
             singular_values: solution.singular_values,
             connections: source.len() as u64 * target.len() as u64,
-            iterations,
-            stop,
-            trace,
+            iterations: iterated.iterations,
+            stop: iterated.stop,
+            trace: iterated.trace,
             points,
             times,
             config: Method::Kc(KernelCorrelation {

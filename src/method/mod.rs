@@ -17,6 +17,7 @@ mod cpd;
 mod dare;
 mod features;
 mod icp;
+mod iterate;
 mod kernel_correlation;
 mod pipeline;
 mod position_problem;

@@ -137,8 +137,9 @@ mod tests {
         let motion = [0.1, -0.2, 0.3, 1.0, 2.0, -1.0];
         for k in 0..20 {
             let x = f64::from(k);
-            let row =
-                twist_row([x.sin(), x.cos(), (2.0 * x).sin()], [0.6, 0.8 * x.cos(), 0.3], 2.0);
+            let arm = [x.sin(), (1.3 * x).cos(), (2.0 * x).sin()];
+            let direction = [(0.7 * x).cos(), (1.9 * x).sin(), 0.3 + (3.1 * x).cos()];
+            let row = twist_row(arm, direction, 2.0);
             let residual = -row.iter().zip(motion).map(|(a, b)| a * b).sum::<f64>();
             system.add_row(1.0 + 0.1 * x, &row, residual);
         }

@@ -338,7 +338,10 @@ fn any_pose_is_judged_whoever_found_it() {
     // It would settle on the right one, but is not that.
     let off = shifted(2.0);
     assert_eq!(off.decision, Decision::Reject, "{off}");
-    assert!(off.reasons.last().unwrap().starts_with("refinement on the surfaces moves the pose by 0."), "{off}");
+    assert!(
+        off.reasons.last().unwrap().starts_with("refinement on the surfaces moves the pose by 0."),
+        "{off}"
+    );
     let half = Transform { scale: 0.5, ..Transform::IDENTITY };
     let double = Transform { scale: 2.0, ..Transform::IDENTITY };
     let small = source.transformed(&half).unwrap();

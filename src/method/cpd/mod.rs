@@ -5,9 +5,10 @@ mod expectation;
 use serde::{Deserialize, Serialize};
 
 use self::expectation::{EStepResult, SourceMixture};
+use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
 use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
-use super::{IterationRecord, Method, Refine, StopReason};
+use super::{Method, Refine, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -134,10 +135,8 @@ impl Cpd {
         let mut sigma = (first / unit).max(floor);
         let mixture =
             SourceMixture::new(&positions, source, target, self.outliers, self.truncation);
-        let (mut pose, mut objective, mut iteration) = (*initial, f64::INFINITY, 0);
-        let mut trace = Vec::new();
-        let (solution, expectation, stop) = loop {
-            iteration += 1;
+        let (mut pose, mut objective) = (*initial, f64::INFINITY);
+        let iterated = iterate(self.trace, |iteration| {
             let expectation: EStepResult =
                 times.time("moments", || mixture.e_step(&pose, sigma))?;
             let moments = expectation.moments;
@@ -151,42 +150,34 @@ impl Cpd {
                 });
             }
             pose = solution.transform;
-            if self.trace {
-                trace.push(IterationRecord {
-                    iteration,
-                    transform: pose,
-                    objective: expectation.objective,
-                    weight: moments.weight,
-                    bandwidth: Some(sigma * unit),
-                });
-            }
+            let bandwidth = Some(sigma * unit);
             let change = (objective - expectation.objective).abs();
             objective = expectation.objective;
             let variance = moments.residual(&pose) / (3.0 * moments.weight) / (unit * unit);
             let next = variance.sqrt().max(floor);
             let stop = match () {
-                () if change <= self.tolerance => StopReason::ObjectiveSettled,
-                () if next == floor && sigma == floor => StopReason::ScheduleEnded,
-                () if iteration == self.max_iterations => StopReason::IterationLimit,
-                () => {
-                    sigma = next;
-                    continue;
-                }
+                () if change <= self.tolerance => Some(StopReason::ObjectiveSettled),
+                () if next == floor && sigma == floor => Some(StopReason::ScheduleEnded),
+                () if iteration == self.max_iterations => Some(StopReason::IterationLimit),
+                () => None,
             };
-            break (solution, expectation, stop);
-        };
+            sigma = next;
+            let (weight, state) = (moments.weight, (solution, expectation));
+            Ok(Iteration { transform: pose, objective, weight, bandwidth, stop, state })
+        })?;
+        let (solution, expectation) = iterated.state;
         let points = PointCounts {
             source: CloudCounts::from_cloud(source),
             target: CloudCounts::from_cloud(target),
         };
         let found = SolvedPose {
-            transform: pose,
+            transform: iterated.transform,
             moments: expectation.moments,
             singular_values: solution.singular_values,
             connections: expectation.connections,
-            iterations: iteration,
-            stop,
-            trace,
+            iterations: iterated.iterations,
+            stop: iterated.stop,
+            trace: iterated.trace,
             points,
             times,
             config: Method::Cpd(Cpd { sigma: Some(first), ..self.clone() }),

@@ -6,9 +6,10 @@ mod mixture;
 use serde::{Deserialize, Serialize};
 
 use self::mixture::{ComponentStatistics, NormalizedCloud, SceneMixture};
+use super::iterate::{Iteration, iterate};
 use super::position_problem;
 use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
-use super::termination::{IterationRecord, StopReason};
+use super::termination::StopReason;
 use super::{Method, Refine};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -163,51 +164,43 @@ impl Dare {
         // It may turn away from where the clouds lie, and climbs from there.
         pose = self.prior.project_pose(&pose, [0.0; 3])?;
         let mut mixture = config.initial_mixture(&from, &to, &pose);
-        let mut trace = Vec::new();
-        let (mut before, mut iterations) = (f64::NEG_INFINITY, 0);
-        let mut stop = StopReason::IterationLimit;
-        times.time("iterate", || {
-            while iterations < self.max_iterations {
-                iterations += 1;
-                let (of_source, first) = mixture.e_step(&from, &pose);
-                let (of_target, second) = mixture.e_step(&to, &Transform::IDENTITY);
-                let likelihood = first + second;
-                let [source_pose, target_pose] =
-                    self.solve_poses(&mut mixture, &of_source, &of_target, &pose)?;
-                let clouds = [(&of_source[..], &source_pose), (&of_target[..], &target_pose)];
-                mixture.update_components(clouds, iterations <= FROZEN_ITERATIONS);
-                pose = target_pose.inverse().after(&source_pose);
-                mixture.move_components(&target_pose);
-                if self.trace {
-                    let weight = clouds.iter().flat_map(|(all, _)| *all).map(|c| c.mass).sum();
-                    let k = mixture.variances.len() as f64;
-                    let sigma = (mixture.variances.iter().sum::<f64>() / k).sqrt();
-                    trace.push(IterationRecord {
-                        iteration: iterations,
-                        transform: frame.denormalize_pose(&pose),
-                        objective: likelihood,
-                        weight,
-                        bandwidth: Some(frame.rms_radius * sigma),
-                    });
-                }
-                if iterations > FROZEN_ITERATIONS + 1 && likelihood - before < self.tolerance {
-                    stop = StopReason::ObjectiveSettled;
-                    break;
-                }
-                before = likelihood;
-            }
-            Ok::<_, Error>(())
-        })?;
+        let mut before = f64::NEG_INFINITY;
+        let step = |iteration: u32| {
+            let (of_source, first) = mixture.e_step(&from, &pose);
+            let (of_target, second) = mixture.e_step(&to, &Transform::IDENTITY);
+            let objective = first + second;
+            let [source_pose, target_pose] =
+                self.solve_poses(&mut mixture, &of_source, &of_target, &pose)?;
+            let clouds = [(&of_source[..], &source_pose), (&of_target[..], &target_pose)];
+            mixture.update_components(clouds, iteration <= FROZEN_ITERATIONS);
+            pose = target_pose.inverse().after(&source_pose);
+            mixture.move_components(&target_pose);
+            let weight = clouds.iter().flat_map(|(all, _)| *all).map(|c| c.mass).sum();
+            let k = mixture.variances.len() as f64;
+            let sigma = (mixture.variances.iter().sum::<f64>() / k).sqrt();
+            let is_settled =
+                iteration > FROZEN_ITERATIONS + 1 && objective - before < self.tolerance;
+            before = objective;
+            let stop = match () {
+                () if is_settled => Some(StopReason::ObjectiveSettled),
+                () if iteration == self.max_iterations => Some(StopReason::IterationLimit),
+                () => None,
+            };
+            let transform = frame.denormalize_pose(&pose);
+            let bandwidth = Some(frame.rms_radius * sigma);
+            Ok(Iteration { transform, objective, weight, bandwidth, stop, state: () })
+        };
+        let iterated = times.time("iterate", || iterate(self.trace, step))?;
         let (clusters, _) = mixture.e_step(&from, &pose);
         let moments = mixture.moments(&clusters, frame.rms_radius, (frame.source, frame.target));
         let found = SolvedPose {
-            transform: frame.denormalize_pose(&pose),
+            transform: iterated.transform,
             moments,
             singular_values: mixture.solve_pose(&clusters, &self.prior)?.singular_values,
             connections: source.len() as u64 * mixture.means.len() as u64,
-            iterations,
-            stop,
-            trace,
+            iterations: iterated.iterations,
+            stop: iterated.stop,
+            trace: iterated.trace,
             points: PointCounts {
                 source: CloudCounts::from_cloud(source),
                 target: CloudCounts::from_cloud(target),

@@ -8,9 +8,10 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use self::surface::{PairSet, SurfaceProblem};
+use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
 use super::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
-use super::{Cached, IterationRecord, Method, Refine, Registration, StopReason};
+use super::{Cached, Method, Refine, Registration, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
@@ -219,7 +220,7 @@ impl Icp {
         };
         let center = source.centroid();
         let mut transform = *initial;
-        let (mut trace, mut doubts) = (Vec::new(), Vec::new());
+        let mut doubts = Vec::new();
         let mut recent = VecDeque::from([transform]);
         let is_near = |a: &Transform, b: &Transform| {
             let turned = math::mat_mul(&a.rotation, &math::transpose(&b.rotation));
@@ -228,9 +229,7 @@ impl Icp {
                 && shift <= config.translation_tolerance * positions.rms_radius()
         };
         let mut before = f64::INFINITY;
-        let mut iteration = 0;
-        let (stop, moments, pairs) = loop {
-            iteration += 1;
+        let iterated = iterate(config.trace, |iteration| {
             let (pairs, error) = times.time("pairs", || {
                 pairs::find_pairs(&config, &positions, &positions.transform_source(&transform)?)
             })?;
@@ -243,16 +242,6 @@ impl Icp {
                 ),
                 None => solve_point_to_point(&moments, transform.scale, &self.prior),
             })?;
-            if config.trace {
-                let (objective, weight) = (error.sqrt(), moments.weight);
-                trace.push(IterationRecord {
-                    iteration,
-                    transform,
-                    objective,
-                    weight,
-                    bandwidth: None,
-                });
-            }
             let change = (before - error).abs();
             let least_change = config.error_tolerance.max(config.relative_error_tolerance * before);
             before = error;
@@ -261,17 +250,17 @@ impl Icp {
             if recent.len() > CYCLE_LENGTH {
                 recent.pop_front();
             }
-            let stop = if rests {
-                StopReason::PoseSettled
-            } else if change < least_change {
-                StopReason::ObjectiveSettled
-            } else if iteration == config.max_iterations {
-                StopReason::IterationLimit
-            } else {
-                continue;
+            let stop = match () {
+                () if rests => Some(StopReason::PoseSettled),
+                () if change < least_change => Some(StopReason::ObjectiveSettled),
+                () if iteration == config.max_iterations => Some(StopReason::IterationLimit),
+                () => None,
             };
-            break (stop, moments, pairs);
-        };
+            let (objective, weight) = (error.sqrt(), moments.weight);
+            let state = (moments, pairs);
+            Ok(Iteration { transform, objective, weight, bandwidth: None, stop, state })
+        })?;
+        let (moments, pairs) = iterated.state;
         if let Some(surfaces) = &surfaces {
             let found = surfaces.min_pivot(PairSet { source, target, pairs: &pairs }, &transform);
             if found.is_nan() || found < MIN_PIVOT {
@@ -284,9 +273,9 @@ impl Icp {
             singular_values: pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?
                 .singular_values,
             connections: pairs.len() as u64,
-            iterations: iteration,
-            stop,
-            trace,
+            iterations: iterated.iterations,
+            stop: iterated.stop,
+            trace: iterated.trace,
             points: PointCounts {
                 source: CloudCounts::from_cloud(source),
                 target: CloudCounts::from_cloud(target),
