@@ -145,23 +145,25 @@ fn advice(registration: &Registration) -> &'static str {
     let as_good =
         |doubt: &Warning| matches!(doubt, Warning::Ambiguous { .. } | Warning::Unobservable { .. });
     let other_scale = |doubt: &Warning| matches!(doubt, Warning::ScaleMismatch { .. });
-    match &registration.config {
-        Method::Consensus(_) if registration.doubts.iter().any(other_scale) => {
+    match &registration.method.parse() {
+        Some(Method::Consensus(_)) if registration.doubts.iter().any(other_scale) => {
             "the source scaled (cfreg convert --transform, 4 by 4 numbers with the scale on the diagonal)"
         }
         // More seeds would only find the others again.
-        Method::Consensus(_) if registration.doubts.iter().any(as_good) => {
+        Some(Method::Consensus(_)) if registration.doubts.iter().any(as_good) => {
             "what tells the poses apart: --channels, --direction or --near, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }
-        Method::Consensus(_) => {
+        Some(Method::Consensus(_)) => {
             "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
         }
-        Method::Cf(cf) if cf.features.more_scales.is_empty() => {
+        Some(Method::Cf(cf)) if cf.features.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
         }
-        Method::Cf(_) => "--refine gicp, another --voxel, or --orientation",
-        Method::Cfk(_) => "--normalize both, --refine gicp, another --voxel, or --orientation",
-        Method::Teaser(_) => "--refine gicp, another --set noise_bound, or --orientation",
+        Some(Method::Cf(_)) => "--refine gicp, another --voxel, or --orientation",
+        Some(Method::Cfk(_)) => {
+            "--normalize both, --refine gicp, another --voxel, or --orientation"
+        }
+        Some(Method::Teaser(_)) => "--refine gicp, another --set noise_bound, or --orientation",
         _ => "a start nearer to the pose, such as by --method cf-multiscale --refine",
     }
 }
@@ -175,7 +177,7 @@ pub(super) fn summary(registration: &Registration) -> String {
         "{verdict}{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
          fitness {:.3} of the source, {:.3} of the target within {:.4}; {:.2} beyond chance\n\
          relative singular values {:.4} {:.4} {:.4}; {:.2} s\n",
-        r.method,
+        r.method.name,
         points.source.described,
         points.target.described,
         r.connections as f64,

@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Cached, Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register,
-    Registration, Teaser, dare,
+    Registration, Teaser,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::pose::Prior;
-use crate::{par, verify};
+use crate::par;
 
 /// A named method with its configuration: what `--method` chooses, and what a
 /// [`Registration`] carries as the record of how it was made.
@@ -127,25 +127,6 @@ impl Method {
         };
         checked?;
         par::check_threads(threads)
-    }
-
-    /// Agreement beyond chance below which a pose of the method is doubted.
-    pub(super) fn min_chance_corrected_fitness(&self) -> f64 {
-        match self {
-            // Its verdict looks closer.
-            Method::Consensus(_) => f64::NEG_INFINITY,
-            Method::Dare(_) => dare::MIN_CHANCE_CORRECTED_FITNESS,
-            method if method.as_refinement().is_some() => {
-                verify::MIN_CHANCE_CORRECTED_FITNESS_LOCAL
-            }
-            _ => verify::MIN_CHANCE_CORRECTED_FITNESS,
-        }
-    }
-
-    /// Whether agreement beyond chance alone speaks for its poses: `consensus` has a verdict,
-    /// `teaser` counts matches that chance does not bring together.
-    pub(super) fn relies_on_fitness(&self) -> bool {
-        !matches!(self, Method::Consensus(_) | Method::Teaser(_))
     }
 
     /// The answer, or the error with what may help in settings that the method has.

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::features::{DescriptorScale, FeatureConfig};
-use super::registration::{PointCounts, Registration, SolvedPose, Timings};
-use super::{Cached, Method, Register, StopReason};
+use super::registration::{PointCounts, Registration, Timings};
+use super::{Cached, MethodRecord, Register, SolvedPose, StopReason};
 use crate::cloud::PointCloud;
 use crate::descriptor::HistogramScale;
 use crate::error::Result;
@@ -13,7 +13,7 @@ use crate::moments::{FullConnection, Moments, check_tolerance};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::search::Neighborhood;
-use crate::verify::{MIN_KEYPOINTS, Warning};
+use crate::verify::{FitnessRule, MIN_KEYPOINTS, Warning};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
@@ -156,7 +156,7 @@ impl Cf {
         weigh: impl FnOnce(&FullConnection) -> Result<Moments> + Send,
     ) -> Result<Registration> {
         par::with_threads(self.threads, || {
-            let named = Method::Cf(self.with_custom_weights());
+            let named = MethodRecord::new("cf", &self.with_custom_weights());
             let ends = [source.into(), target.into()];
             self.run(ends, None, named, |connection| Ok((weigh(connection)?, None)))
         })?
@@ -179,13 +179,13 @@ impl Cf {
         Ok((moments, Some(beta)))
     }
 
-    /// Registers all points, or the keypoints of `detector`; `named` is the method that
-    /// asks, with its resolved settings.
+    /// Registers all points, or the keypoints of `detector`; `record` is that of
+    /// the method that asks, with its resolved settings.
     pub(super) fn run(
         &self,
         [source, target]: [Cached<'_>; 2],
         detector: Option<&Keypoints>,
-        named: Method,
+        record: MethodRecord,
         weigh: impl FnOnce(&FullConnection) -> Result<(Moments, Option<f64>)>,
     ) -> Result<Registration> {
         self.validate()?;
@@ -203,20 +203,21 @@ impl Cf {
         let fewest = points.source.described.min(points.target.described);
         let few = detector.is_some() && fewest < MIN_KEYPOINTS;
         let doubt = Warning::FewKeypoints { found: fewest, needed: MIN_KEYPOINTS };
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform: solution.transform,
-            moments,
-            singular_values: solution.singular_values,
+            moments: Some(moments),
+            singular_values: Some(solution.singular_values),
             connections: connection.pairs(),
             iterations: 1,
             stop: StopReason::OneStep,
             trace: Vec::new(),
-            points,
-            times,
-            config: named,
-            doubts: few.then_some(doubt).into_iter().collect(),
+            points: Some(points),
+            time_s: times,
+            method: record,
+            warnings: few.then_some(doubt).into_iter().collect(),
+            fitness: FitnessRule::GLOBAL,
         };
-        let concluded = Registration::finish(found, source, target)?;
+        let concluded = solved.finish_cached(source, target)?;
         Ok(Registration { beta, ..concluded })
     }
 }
@@ -228,7 +229,7 @@ impl Register for Cf {
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         par::with_threads(self.threads, || {
-            let named = Method::Cf(self.resolved());
+            let named = MethodRecord::new("cf", &self.resolved());
             self.run([source, target], None, named, |connection| self.weighted_moments(connection))
         })?
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Cached, Cf, Method, Register, Registration};
+use super::{Cached, Cf, MethodRecord, Register, Registration};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::keypoint::Keypoints;
@@ -74,7 +74,7 @@ impl Cfk {
         let cf = &self.cf;
         par::with_threads(cf.threads, || {
             self.validate()?;
-            cf.run(ends, Some(&self.keypoints), Method::Cfk(named), weigh)
+            cf.run(ends, Some(&self.keypoints), MethodRecord::new("cfk", &named), weigh)
         })?
     }
 }

@@ -4,13 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
-use super::{Method, Refine, StopReason};
+use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::{MethodRecord, Refine, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::search;
+use crate::verify::FitnessRule;
 use crate::weight::{Gaussian, Normalization};
 
 /// Default first σ in root mean square radii of the target.
@@ -180,24 +181,23 @@ impl KernelCorrelation {
             source: CloudCounts::from_cloud(source),
             target: CloudCounts::from_cloud(target),
         };
-        let found = SolvedPose {
+        let config =
+            KernelCorrelation { sigma: Some(first), last_sigma: Some(last), ..self.clone() };
+        let solved = SolvedPose {
             transform: iterated.transform,
-            moments,
-            singular_values: solution.singular_values,
+            moments: Some(moments),
+            singular_values: Some(solution.singular_values),
             connections: source.len() as u64 * target.len() as u64,
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points,
-            times,
-            config: Method::Kc(KernelCorrelation {
-                sigma: Some(first),
-                last_sigma: Some(last),
-                ..self.clone()
-            }),
-            doubts: Vec::new(),
+            points: Some(points),
+            time_s: times,
+            method: MethodRecord::new("kc", &config),
+            warnings: Vec::new(),
+            fitness: FitnessRule::LOCAL,
         };
-        Registration::finish(found, source.into(), target.into())
+        solved.finish_cached(source.into(), target.into())
     }
 }
 

@@ -123,8 +123,8 @@ impl Pipeline {
 /// The refinement, its pairs bounded where nothing else was said and the clouds that `found`
 /// registers overlap in part, as after consensus: pairs of any length would draw them together.
 fn limit_distance(method: &Method, found: &Registration) -> Method {
-    match (method, &found.config) {
-        (Method::Icp(icp), Method::Consensus(consensus)) if icp.max_distance.is_none() => {
+    match (method, found.method.parse()) {
+        (Method::Icp(icp), Some(Method::Consensus(consensus))) if icp.max_distance.is_none() => {
             let max_distance =
                 consensus.voxel.map(|length| bounded_icp::MAX_REFINE_DISTANCE * length);
             Method::Icp(Icp { max_distance, ..icp.clone() })
@@ -260,8 +260,8 @@ impl Pipeline {
 /// The settings by which a pose was verified before `found` refined it.
 fn previous_verifier(found: &Registration) -> Option<Consensus> {
     let before = found.refined_from.as_deref()?;
-    match (&before.verdict, &before.config) {
-        (Some(_), Method::Consensus(consensus)) => Some(consensus.clone()),
+    match (&before.verdict, before.method.parse()) {
+        (Some(_), Some(Method::Consensus(consensus))) => Some(consensus),
         (Some(_), _) => Some(Consensus::default()),
         (None, _) => previous_verifier(before),
     }

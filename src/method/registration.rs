@@ -6,12 +6,10 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::termination::{IterationRecord, StopReason};
-use super::{Cached, Certificate, Consensus, Method};
+use super::{Certificate, Consensus, MethodRecord};
 use crate::cloud::{PointCloud, Transform};
-use crate::error::Result;
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
-use crate::par;
 use crate::verify::{self, Evaluation, Verdict, Warning};
 
 /// A pose, what it rests on, and what speaks against it.
@@ -22,8 +20,9 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
     pub transform: Transform,
-    /// Name of the method.
-    pub method: &'static str,
+    /// The method and every setting that was in force; in JSON `method`, its name, and `config`.
+    #[serde(flatten)]
+    pub method: MethodRecord,
     /// Whether there is no ground for doubt.
     pub trusted: bool,
     /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
@@ -65,8 +64,6 @@ pub struct Registration {
     pub points: PointCounts,
     /// Wall-clock seconds of each stage, in the order in which they ran, and in total.
     pub time_s: Timings,
-    /// The method and every setting that was in force, defaults filled in.
-    pub config: Method,
     /// How far from the best the rotation can be, where the configuration asks for it and
     /// the method can tell ([`Teaser::certify`](super::Teaser::certify)).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,79 +71,6 @@ pub struct Registration {
     /// The registration that was refined, when this is a refinement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined_from: Option<Box<Registration>>,
-}
-
-/// What a method knows at its end; [`Registration::finish`] looks at the clouds under
-/// the pose and adds the verdict.
-pub(super) struct SolvedPose {
-    pub(super) transform: Transform,
-    pub(super) moments: Moments,
-    pub(super) singular_values: [f64; 3],
-    pub(super) connections: u64,
-    pub(super) iterations: u32,
-    pub(super) stop: StopReason,
-    pub(super) trace: Vec<IterationRecord>,
-    pub(super) points: PointCounts,
-    pub(super) times: Timings,
-    /// With defaults filled in.
-    pub(super) config: Method,
-    /// Grounds that the method itself has; those of every pose are added.
-    pub(super) doubts: Vec<Warning>,
-}
-
-impl Registration {
-    /// The registration that was found, with the verdict on it.
-    ///
-    /// # Errors
-    /// Those of [`verify::evaluate`].
-    pub(super) fn finish(
-        found: SolvedPose,
-        source: Cached<'_>,
-        target: Cached<'_>,
-    ) -> Result<Self> {
-        let SolvedPose { transform, moments, singular_values, mut times, mut doubts, .. } = found;
-        let evaluation = times.time("evaluate", || {
-            let [from, onto] = par::join_pair([source, target], |side| side.resolution())?;
-            let distance = verify::default_distance_from_resolutions(from, onto, transform.scale);
-            verify::evaluate(source.cloud, target.cloud, &transform, distance)
-        })?;
-        if found.stop == StopReason::IterationLimit {
-            doubts.push(Warning::NotConverged { iterations: found.iterations });
-        }
-        let needed = found.config.min_chance_corrected_fitness();
-        let (chance, most) = (evaluation.chance_fitness, verify::MAX_CHANCE_FITNESS);
-        if found.config.relies_on_fitness() && chance > most {
-            doubts.push(Warning::HighChanceFitness { found: chance, most });
-        }
-        doubts.extend(verify::find_warnings(&evaluation, singular_values, needed));
-        let low = doubts.iter().any(|doubt| matches!(doubt, Warning::LowFitness { .. }));
-        let by_origin = |counts: &CloudCounts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
-        if low && (by_origin(&found.points.source) || by_origin(&found.points.target)) {
-            doubts.push(Warning::NoViewpoint);
-        }
-        Ok(Registration {
-            transform,
-            method: found.config.name(),
-            trusted: doubts.is_empty(),
-            doubts,
-            verdict: None,
-            evaluation,
-            weighted_rms: (moments.residual(&transform) / moments.weight).max(0.0).sqrt(),
-            beta: None,
-            connections: found.connections,
-            effective_connections: moments.effective_connections(),
-            singular_values,
-            moments,
-            iterations: found.iterations,
-            stop: found.stop,
-            trace: found.trace,
-            points: found.points,
-            time_s: times,
-            config: found.config,
-            certificate: None,
-            refined_from: None,
-        })
-    }
 }
 
 impl Registration {

@@ -9,6 +9,7 @@ use serde_json::Value;
 use crate::cloud::{Transform, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
+use crate::io;
 use crate::math::Vec3;
 use crate::method::Method;
 
@@ -158,6 +159,7 @@ impl Facts {
     pub(super) fn read(json: &str, path: &std::path::Path) -> Result<Facts> {
         serde_json::from_str(json).map_err(|error| {
             let what = format!("is not what `cfreg register --json` prints: {error}");
+            let what = io::truncate_message(&what);
             Error::parse(path, Some(error.line()), what)
         })
     }

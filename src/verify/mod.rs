@@ -22,7 +22,7 @@ pub use model::{
 pub use pose_error::{PoseError, pose_error};
 pub use verdict::{Decision, RunnerUp, Verdict, is_usable};
 pub use warning::{
-    MAX_CHANCE_FITNESS, MAX_CHANCE_FITNESS_VERIFIED, MIN_CHANCE_CORRECTED_FITNESS,
+    FitnessRule, MAX_CHANCE_FITNESS, MAX_CHANCE_FITNESS_VERIFIED, MIN_CHANCE_CORRECTED_FITNESS,
     MIN_CHANCE_CORRECTED_FITNESS_LOCAL, MIN_KEYPOINTS, MIN_SECOND_SINGULAR_VALUE,
-    MIN_THIRD_SINGULAR_VALUE, Warning, find_warnings,
+    MIN_THIRD_SINGULAR_VALUE, Warning, check_singular_values,
 };

@@ -161,25 +161,52 @@ pub enum Warning {
     },
 }
 
-/// All grounds to doubt a pose with this evaluation and these relative singular values;
-/// `needed` is the least agreement.
-pub fn find_warnings(
-    evaluation: &Evaluation,
-    singular_values: [f64; 3],
-    needed: f64,
-) -> Vec<Warning> {
+/// The fitness that is asked of a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitnessRule {
+    /// Least fitness beyond chance ([`Evaluation::chance_corrected_fitness`]).
+    pub min_fitness: f64,
+    /// Largest fitness of wrong rotations ([`Evaluation::chance_fitness`]).
+    pub max_chance_fitness: f64,
+}
+
+impl FitnessRule {
+    /// Of methods that need no initial pose.
+    pub const GLOBAL: FitnessRule = FitnessRule {
+        min_fitness: MIN_CHANCE_CORRECTED_FITNESS,
+        max_chance_fitness: MAX_CHANCE_FITNESS,
+    };
+    /// Of methods that start from a pose.
+    pub const LOCAL: FitnessRule =
+        FitnessRule { min_fitness: MIN_CHANCE_CORRECTED_FITNESS_LOCAL, ..FitnessRule::GLOBAL };
+    /// Asks for nothing: of methods that are verified more closely.
+    pub const NONE: FitnessRule =
+        FitnessRule { min_fitness: f64::NEG_INFINITY, max_chance_fitness: f64::INFINITY };
+
+    /// The warnings about an evaluation.
+    pub fn check(&self, evaluation: &Evaluation) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        let (found, most) = (evaluation.chance_fitness, self.max_chance_fitness);
+        if found > most {
+            warnings.push(Warning::HighChanceFitness { found, most });
+        }
+        let (found, needed) = (evaluation.chance_corrected_fitness(), self.min_fitness);
+        if found.is_nan() || found < needed {
+            warnings.push(Warning::LowFitness { found, needed });
+        }
+        warnings
+    }
+}
+
+/// The warnings about the relative singular values of a solution.
+pub fn check_singular_values([_, second, third]: [f64; 3]) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    let found = evaluation.chance_corrected_fitness();
-    if found.is_nan() || found < needed {
-        warnings.push(Warning::LowFitness { found, needed });
+    if second.is_nan() || second < MIN_SECOND_SINGULAR_VALUE {
+        let needed = MIN_SECOND_SINGULAR_VALUE;
+        warnings.push(Warning::WeakRotation { found: second, needed });
     }
-    let found = singular_values[1];
-    if found.is_nan() || found < MIN_SECOND_SINGULAR_VALUE {
-        warnings.push(Warning::WeakRotation { found, needed: MIN_SECOND_SINGULAR_VALUE });
-    }
-    let found = singular_values[2];
-    if found < MIN_THIRD_SINGULAR_VALUE {
-        warnings.push(Warning::Flat { found, needed: MIN_THIRD_SINGULAR_VALUE });
+    if third < MIN_THIRD_SINGULAR_VALUE {
+        warnings.push(Warning::Flat { found: third, needed: MIN_THIRD_SINGULAR_VALUE });
     }
     warnings
 }

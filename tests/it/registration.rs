@@ -251,7 +251,7 @@ fn several_neighbourhoods_and_an_automatic_bandwidth_sharpen_the_pose() {
         let error = |seed| {
             let (source, target) = pair(seed, 400);
             let found = cf.register(&source, &target).unwrap();
-            assert_eq!(found.config, cfreg::method::Method::Cf(cf.resolved()));
+            assert_eq!(found.method.parse(), Some(cfreg::method::Method::Cf(cf.resolved())));
             assert!(found.beta.unwrap() > 0.0);
             apart(&found.transform, &truth, &source).0
         };

@@ -3,10 +3,11 @@
 use super::ConsensusSearch;
 use super::scan::Scan;
 use crate::error::Result;
-use crate::method::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
-use crate::method::{Method, Registration, StopReason};
+use crate::method::registration::{CloudCounts, PointCounts, Timings};
+use crate::method::{MethodRecord, Registration, SolvedPose, StopReason};
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::surface::{Surface, to_cloud_frames};
+use crate::verify::FitnessRule;
 
 impl ConsensusSearch<'_> {
     /// The registration by the best pose, with its verdict; seconds are added to `times`.
@@ -26,21 +27,25 @@ impl ConsensusSearch<'_> {
         };
         let [source, target] = &self.scans;
         let solution = pose::solve(&settled.moments, Solver::Arun, ScaleEstimate::Fixed);
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform: to_cloud_frames(&settled.pose, from, onto),
-            moments: settled.moments,
-            singular_values: solution.map_or([0.0; 3], |solution| solution.singular_values),
+            moments: Some(settled.moments),
+            singular_values: Some(solution.map_or([0.0; 3], |solution| solution.singular_values)),
             connections: from.len() as u64 * onto.len() as u64,
             iterations: settled.iterations,
             stop: StopReason::PoseSettled,
             trace: Vec::new(),
-            points: PointCounts { source: counts(source, from), target: counts(target, onto) },
-            times,
-            doubts: Vec::new(),
-            config: Method::Consensus(self.config.clone()),
+            points: Some(PointCounts {
+                source: counts(source, from),
+                target: counts(target, onto),
+            }),
+            time_s: times,
+            warnings: Vec::new(),
+            method: MethodRecord::new("consensus", &self.config),
+            fitness: FitnessRule::NONE,
         };
         let [source, target] = self.clouds();
-        let concluded = Registration::finish(found, source, target)?;
+        let concluded = solved.finish_cached(source, target)?;
         Ok(concluded.with_verdict_from(verdict, &self.config))
     }
 }

@@ -7,13 +7,14 @@ use serde::{Deserialize, Serialize};
 use self::expectation::{EStepResult, SourceMixture};
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
-use super::{Method, Refine, StopReason};
+use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::{MethodRecord, Refine, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
+use crate::verify::FitnessRule;
 
 /// Least σ in root mean square radii of the target: a few roundings of f32 coordinates.
 const SIGMA_FLOOR: f64 = 1e-6;
@@ -170,20 +171,21 @@ impl Cpd {
             source: CloudCounts::from_cloud(source),
             target: CloudCounts::from_cloud(target),
         };
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform: iterated.transform,
-            moments: expectation.moments,
-            singular_values: solution.singular_values,
+            moments: Some(expectation.moments),
+            singular_values: Some(solution.singular_values),
             connections: expectation.connections,
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points,
-            times,
-            config: Method::Cpd(Cpd { sigma: Some(first), ..self.clone() }),
-            doubts: Vec::new(),
+            points: Some(points),
+            time_s: times,
+            method: MethodRecord::new("cpd", &Cpd { sigma: Some(first), ..self.clone() }),
+            warnings: Vec::new(),
+            fitness: FitnessRule::LOCAL,
         };
-        Registration::finish(found, source.into(), target.into())
+        solved.finish_cached(source.into(), target.into())
     }
 }
 

@@ -8,14 +8,15 @@ use serde::{Deserialize, Serialize};
 use self::mixture::{ComponentStatistics, NormalizedCloud, SceneMixture};
 use super::iterate::{Iteration, iterate};
 use super::position_problem;
-use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
+use super::registration::{CloudCounts, PointCounts, Registration, Timings};
 use super::termination::StopReason;
-use super::{Method, Refine};
+use super::{MethodRecord, Refine, SolvedPose};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
+use crate::verify::FitnessRule;
 
 /// Iterations in which the means stay where they were laid and only poses and variances
 /// follow, as in the authors' program.
@@ -193,23 +194,27 @@ impl Dare {
         let iterated = times.time("iterate", || iterate(self.trace, step))?;
         let (clusters, _) = mixture.e_step(&from, &pose);
         let moments = mixture.moments(&clusters, frame.rms_radius, (frame.source, frame.target));
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform: iterated.transform,
-            moments,
-            singular_values: mixture.solve_pose(&clusters, &self.prior)?.singular_values,
+            moments: Some(moments),
+            singular_values: Some(mixture.solve_pose(&clusters, &self.prior)?.singular_values),
             connections: source.len() as u64 * mixture.means.len() as u64,
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: PointCounts {
+            points: Some(PointCounts {
                 source: CloudCounts::from_cloud(source),
                 target: CloudCounts::from_cloud(target),
+            }),
+            time_s: times,
+            method: MethodRecord::new("dare", &config),
+            warnings: Vec::new(),
+            fitness: FitnessRule {
+                min_fitness: MIN_CHANCE_CORRECTED_FITNESS,
+                ..FitnessRule::LOCAL
             },
-            times,
-            config: Method::Dare(config),
-            doubts: Vec::new(),
         };
-        Registration::finish(found, source.into(), target.into())
+        solved.finish_cached(source.into(), target.into())
     }
 
     /// The poses of both clouds in the scene's frame that the M-step gives, `pose` the one

@@ -10,15 +10,15 @@ use serde::{Deserialize, Serialize};
 use self::surface::{PairSet, SurfaceProblem};
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, SolvedPose, Timings};
-use super::{Cached, Method, Refine, Registration, StopReason};
+use super::registration::{CloudCounts, PointCounts, Timings};
+use super::{Cached, MethodRecord, Refine, Registration, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
 use crate::moments::{self, Moments};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::verify::{self, Warning};
+use crate::verify::{self, FitnessRule, Warning};
 use crate::weight::WeightScheme;
 
 /// What distance of a pair is made small.
@@ -267,24 +267,26 @@ impl Icp {
                 doubts.push(Warning::Degenerate { found, needed: MIN_PIVOT });
             }
         }
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform,
-            moments,
-            singular_values: pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?
-                .singular_values,
+            moments: Some(moments),
+            singular_values: Some(
+                pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed)?.singular_values,
+            ),
             connections: pairs.len() as u64,
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: PointCounts {
+            points: Some(PointCounts {
                 source: CloudCounts::from_cloud(source),
                 target: CloudCounts::from_cloud(target),
-            },
-            times,
-            config: Method::Icp(config),
-            doubts,
+            }),
+            time_s: times,
+            method: MethodRecord::of_family(config.name(), "icp", &config),
+            warnings: doubts,
+            fitness: FitnessRule::LOCAL,
         };
-        Registration::finish(found, ends[0], ends[1])
+        solved.finish_cached(ends[0], ends[1])
     }
 }
 

@@ -10,9 +10,9 @@ mod voting;
 use serde::{Deserialize, Serialize};
 
 use super::features::FeatureConfig;
-use super::registration::{CloudCounts, PointCounts, Registration, SolvedPose, Timings};
+use super::registration::{CloudCounts, PointCounts, Registration, Timings};
 use super::termination::{IterationRecord, StopReason};
-use super::{Cached, Method, Register};
+use super::{Cached, MethodRecord, Register, SolvedPose};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
@@ -20,7 +20,7 @@ use crate::method::compatibility_graph::CompatibilityGraph;
 use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::verify::Warning;
+use crate::verify::{FitnessRule, Warning};
 pub use certificate::Certificate;
 use correspondences::CenteredCorrespondences;
 use rotation::{GncIteration, GncOptions};
@@ -295,21 +295,25 @@ impl Teaser {
         };
         let trace =
             if self.trace { rounds.iter().enumerate().map(step).collect() } else { Vec::new() };
-        let found = SolvedPose {
+        let solved = SolvedPose {
             transform,
-            moments,
-            singular_values,
+            moments: Some(moments),
+            singular_values: Some(singular_values),
             connections: matches.len() as u64,
             iterations: rounds.len() as u32,
             stop: if settled { StopReason::ObjectiveSettled } else { StopReason::IterationLimit },
             trace,
-            points,
-            times,
-            config: Method::Teaser(Teaser { noise_bound: Some(bound), ..self.clone() }),
-            doubts,
+            points: Some(points),
+            time_s: times,
+            method: MethodRecord::new(
+                "teaser",
+                &Teaser { noise_bound: Some(bound), ..self.clone() },
+            ),
+            warnings: doubts,
+            fitness: FitnessRule { max_chance_fitness: f64::INFINITY, ..FitnessRule::GLOBAL },
         };
         let certificate = certificate.flatten();
-        let registration = Registration::finish(found, source, target)?;
+        let registration = solved.finish_cached(source, target)?;
         Ok(Registration { certificate, ..registration })
     }
 

@@ -1,0 +1,67 @@
+//! The record of how a pose was found.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Name and settings of a method, built-in or not: every
+/// [`Registration`](super::Registration) carries one.
+///
+/// ```
+/// use cfreg::method::{Icp, MethodRecord};
+/// let mine = MethodRecord::new("mine", &serde_json::json!({ "rounds": 3 }));
+/// assert_eq!((mine.name.as_str(), &mine.settings["rounds"]), ("mine", &3.into()));
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MethodRecord {
+    /// Name of the method, as `--method` takes it.
+    #[serde(rename = "method")]
+    pub name: String,
+    /// Every setting that was in force, by name, defaults filled in; the entry `method` names the
+    /// family that the settings belong to.
+    #[serde(rename = "config")]
+    pub settings: Value,
+}
+
+impl MethodRecord {
+    /// The record of a method; `settings` is empty where it does not serialise to an object.
+    pub fn new(name: &str, settings: &impl Serialize) -> MethodRecord {
+        MethodRecord::of_family(name, name, settings)
+    }
+
+    /// The record of a method whose settings belong to the variant `family` of
+    /// [`Method`](super::Method).
+    pub(super) fn of_family(name: &str, family: &str, settings: &impl Serialize) -> MethodRecord {
+        let mut settings = match serde_json::to_value(settings) {
+            Ok(Value::Object(settings)) => settings,
+            _ => serde_json::Map::new(),
+        };
+        settings.insert("method".into(), family.into());
+        MethodRecord { name: name.into(), settings: settings.into() }
+    }
+
+    /// The settings as those of a built-in method ([`Method`](super::Method)) or of its
+    /// configuration; `None` for others, and for weights that were a function.
+    pub fn parse<T: DeserializeOwned>(&self) -> Option<T> {
+        serde_json::from_value(self.settings.clone()).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Consensus, Icp, Method};
+    use super::*;
+
+    #[test]
+    fn settings_come_back_as_the_method() {
+        let icp = Icp { max_distance: Some(0.1 + 0.2), ..Icp::default() };
+        let record = MethodRecord::of_family("icp-paper", "icp", &icp);
+        assert_eq!(record.parse::<Method>(), Some(Method::Icp(icp)));
+        let text = serde_json::to_string(&record).unwrap();
+        assert_eq!(serde_json::from_str::<MethodRecord>(&text).unwrap(), record);
+        let consensus = Consensus { voxel: Some(1.0 / 3.0), ..Consensus::default() };
+        let record = MethodRecord::new("consensus", &consensus);
+        assert_eq!(record.parse::<Consensus>().unwrap(), consensus);
+        assert_eq!(MethodRecord::new("mine", &[1, 2]).parse::<Method>(), None);
+    }
+}
