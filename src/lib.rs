@@ -18,6 +18,7 @@ pub mod moments;
 pub mod normals;
 pub mod par;
 pub mod pose;
+pub mod pose_graph;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "report")]

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use cfreg::batch::{Graph, List, Places, Row, Tangent, results, within};
+use cfreg::batch::{List, Places, Row, RowGraph, results, within};
 use cfreg::experiment::benchmark::{Poses, list as listed};
+use cfreg::pose_graph::Tangent;
 use cfreg::report::Kept;
 use cfreg::{Error, PointCloud, Transform, io};
 
@@ -193,8 +194,9 @@ pub fn rows(data: &[u8]) {
 
 /// That a graph of poses has numbers only.
 fn graph(rows: &[Row]) {
-    let Some(graph) = heard(Graph::of(rows), None) else { return };
-    assert!(graph.edges() + graph.not_accepted + graph.left_out <= rows.len());
+    let Some(found) = heard(RowGraph::new(rows), None) else { return };
+    let graph = found.graph;
+    assert!(graph.edges() + found.not_accepted + found.left_out <= rows.len());
     for tangent in [Tangent::Quaternion, Tangent::RotationVector] {
         let text = graph.g2o(tangent);
         for word in text.split_whitespace().filter(|word| !word.contains(':')) {

@@ -38,7 +38,7 @@ use serde_json::{Value, json};
 
 pub use arising::{consecutive, within};
 pub use cells::Column;
-pub use graph::{Graph, Tangent};
+pub use graph::RowGraph;
 pub use list::List;
 pub use panics::panics_go_to_rows;
 pub use places::Places;

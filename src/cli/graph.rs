@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::{Outcome, outputs, say};
-use crate::batch::{self, Graph, Tangent};
+use crate::batch::{self, RowGraph};
 use crate::error::Result;
+use crate::pose_graph::Tangent;
 
 #[derive(Args)]
 pub(super) struct ToGraph {
@@ -36,22 +37,22 @@ impl ToGraph {
     pub(super) fn run(&self) -> Result<Outcome> {
         let outputs = [("output", Some(&*self.output)), ("names", self.names.as_deref())];
         outputs::check(&[&self.results], &outputs)?;
-        let graph = Graph::of(&batch::results::read(&self.results)?)?;
+        let found = RowGraph::new(&batch::results::read(&self.results)?)?;
         let tangent = match self.rotations {
             Rotations::Quaternion => Tangent::Quaternion,
             Rotations::Vector => Tangent::RotationVector,
         };
-        graph.write(&self.output, tangent)?;
+        found.graph.write(&self.output, tangent)?;
         if let Some(names) = &self.names {
-            graph.write_names(names)?;
+            found.write_names(names)?;
         }
         say(&format!(
             "{} clouds in {} parts, {} edges; {} poses not accepted, {} left out\n",
-            graph.names().len(),
-            graph.parts(),
-            graph.edges(),
-            graph.not_accepted,
-            graph.left_out
+            found.graph.names().len(),
+            found.graph.parts(),
+            found.graph.edges(),
+            found.not_accepted,
+            found.left_out
         ));
         Ok(Outcome::Trusted)
     }

@@ -10,8 +10,8 @@ use super::{
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::pose::Prior;
 use crate::par;
+use crate::pose::Prior;
 
 /// A named method with its configuration: what `--method` chooses, and what a
 /// [`Registration`] carries as the record of how it was made.

@@ -17,12 +17,13 @@ use super::errors::{exception, real, refused};
 use super::foreign::BadRows;
 use super::registration::{Named, Options, chain_of};
 use crate::batch::{
-    self, Batch, Column, Downsampling, Graph, List, Row, Start, Summary, Tangent, panics_go_to_rows,
+    self, Batch, Column, Downsampling, List, Row, RowGraph, Start, Summary, panics_go_to_rows,
 };
 use crate::cloud::ViewpointSource;
 use crate::error::Error;
 use crate::method::Pipeline;
 use crate::par::Interrupt;
+use crate::pose_graph::Tangent;
 
 /// How a list is run, as the package gives it in JSON.
 #[derive(Deserialize)]
@@ -184,11 +185,11 @@ pub(super) fn write_g2o(
         }
     };
     released(py, || {
-        let graph = Graph::of(&batch::results::parse(rows)?)?;
+        let found = RowGraph::new(&batch::results::parse(rows)?)?;
+        let RowGraph { graph, not_accepted, left_out, .. } = &found;
         graph.write(&path, tangent)?;
-        names.map_or(Ok(()), |names| graph.write_names(&names))?;
-        let clouds = graph.names().len();
-        Ok((clouds, graph.parts(), graph.edges(), graph.not_accepted, graph.left_out))
+        names.map_or(Ok(()), |names| found.write_names(&names))?;
+        Ok((graph.names().len(), graph.parts(), graph.edges(), *not_accepted, *left_out))
     })
 }
 

@@ -127,7 +127,7 @@ pub fn check_beta(beta: f64) -> Result<()> {
 }
 
 fn custom() -> Error {
-    let rule = "stands for a function that cannot be named: hand the function over again";
+    let rule = "records a user function and cannot be loaded; pass the function again";
     Error::config("weights", "custom", rule)
 }
 

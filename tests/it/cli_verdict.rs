@@ -76,7 +76,7 @@ fn a_verdict_goes_by_channels_and_by_what_is_known() {
         assert!(said(&output).contains(words), "{more}: {}", said(&output));
     };
     for option in ["--channels paint", "--near half.txt", "--direction 0,0,1"] {
-        refused(option, "add --verdict");
+        refused(option, "requires --verdict");
     }
     refused("--verdict --channels glow", "channels = glow: the source has no such channel");
     refused("--verdict --channels paint:nan", "a share must be a finite number");

@@ -47,7 +47,7 @@ fn every_step_is_the_references() {
         let max_iterations = given.iterations;
         let dare = Dare { max_iterations, tolerance: 0.0, trace: true, ..settings };
         let found = dare.register(&source, &target).unwrap();
-        assert_eq!(found.trace.len(), steps.len(), "{:?}", found.config);
+        assert_eq!(found.trace.len(), steps.len(), "{:?}", found.method);
         for (step, expected) in found.trace.iter().zip(steps) {
             let ExpectedStep { rotation, translation, .. } = expected;
             let pose = poses_differ_by(&step.transform, &Transform::rigid(rotation, translation));

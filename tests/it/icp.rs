@@ -110,7 +110,7 @@ fn every_metric_finds_a_small_motion_and_the_surfaces_do_it_in_fewer_steps() {
     let found = METRICS.map(|metric| icp(metric).register(&source, &target).unwrap());
     for found in &found {
         let off = angle(&found.transform, &motion(0.15));
-        assert!(found.trusted && off < 1.0, "{}: {off} {:?}", found.method, found.doubts);
+        assert!(found.trusted && off < 1.0, "{}: {off} {:?}", found.method.name, found.doubts);
     }
     assert!(found[2].iterations < found[0].iterations);
 }

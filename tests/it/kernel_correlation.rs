@@ -199,7 +199,7 @@ fn defaults_follow_the_clouds_and_are_told() {
     let ends = [&found.trace[0], found.trace.last().unwrap()].map(|step| step.bandwidth.unwrap());
     assert!((ends[0] / (0.5 * radius) - 1.0).abs() < 1e-6, "{ends:?}");
     assert!((ends[1] / last - 1.0).abs() < 1e-6, "{ends:?} {last}");
-    let cfreg::method::Method::Kc(config) = &found.config else { panic!() };
+    let config: KernelCorrelation = found.method.parse().unwrap();
     assert_eq!([config.sigma, config.last_sigma], ends.map(Some));
 }
 

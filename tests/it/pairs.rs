@@ -4,8 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use cfreg::batch::{Graph, Tangent, results};
+use cfreg::batch::{RowGraph, results};
 use cfreg::experiment::shape::boulder;
+use cfreg::pose_graph::Tangent;
 use cfreg::{Transform, io};
 use tempfile::TempDir;
 
@@ -129,7 +130,7 @@ fn accepted_poses_make_a_graph_whatever_the_results_are_kept_in() {
     fs::copy(path.join("rows.parquet"), path.join("parts/a.parquet")).unwrap();
     refused(path, "graph parts -o twice.g2o", "two rows of pair 0");
     refused(path, "graph pairs.csv -o none.g2o", "line 2: column index");
-    let vectors = Graph::of(&rows).unwrap().g2o(Tangent::RotationVector);
+    let vectors = RowGraph::new(&rows).unwrap().graph.g2o(Tangent::RotationVector);
     assert_ne!(vectors, graph);
     done(path, "graph rows.csv -o vectors.g2o --rotations vector");
     assert_eq!(read("vectors.g2o"), vectors);

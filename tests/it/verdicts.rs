@@ -150,7 +150,10 @@ fn a_refinement_has_a_verdict_of_its_own() {
     for refine in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
         let found = chain("consensus", &[refine]).register(&source, &target).unwrap();
         let verdict = found.verdict.as_ref().unwrap();
-        assert!(verdict.reasons.iter().any(|reason| reason.contains("settle")), "{refine}");
+        assert!(
+            verdict.reasons.iter().any(|reason| reason.contains("refinement on the surfaces")),
+            "{refine}"
+        );
         assert_eq!(found.trusted, found.doubts.is_empty());
     }
     // An answer that is continued has one, too.
