@@ -4,8 +4,8 @@
 
 mod common;
 
+use cfreg::cloud::shape::boulder;
 use cfreg::descriptor::{BINS, HistogramScale, fpfh};
-use cfreg::experiment::shape::boulder;
 use cfreg::normals::{self, Orientation};
 use cfreg::search::{Neighborhood, Neighbors};
 use common::SIZES;

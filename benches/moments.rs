@@ -15,7 +15,7 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Simd, WithSimd};
 use std::hint::black_box;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{FeatureConfig, Timings};
 use cfreg::moments::{FeatureView, FullConnection, naive};
 use cfreg::pose::{self, ScaleEstimate, Solver};

@@ -5,7 +5,7 @@
 
 mod common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::normals::{self, Orientation};
 use cfreg::search::{Neighborhood, Neighbors};
 use common::SIZES;

@@ -5,7 +5,7 @@
 //! them the pages of memory that a pair asks of the system once all are warm: near 0, since what
 //! one pair gives back serves the next.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Cf, Register};
 use cfreg::{PointCloud, par};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

@@ -3,7 +3,7 @@
 //! The files lie in the system's cache: this is parsing, not the disk. Read elements
 //! (points) per second.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::Vec3;
 use cfreg::{PointCloud, io};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -3,12 +3,15 @@
 
 #[cfg(feature = "batch")]
 pub mod batch;
+#[cfg(feature = "benchmark")]
+pub mod benchmark;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod cloud;
 pub mod descriptor;
 pub mod error;
-pub mod experiment;
+#[cfg(feature = "figures")]
+pub mod figure;
 pub mod filter;
 pub mod io;
 pub mod keypoint;

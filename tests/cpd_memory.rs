@@ -2,7 +2,7 @@
 //!
 //! A file of its own, for the peak of a process is that of all its tests.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Cpd, Register};
 
 /// Most bytes a point: some dozens for moved points, embeddings and search trees, and what

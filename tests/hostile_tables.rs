@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use cfreg::batch::{Batch, List, results};
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::Pipeline;
 use cfreg::{Error, io};
 use rand::{RngExt, SeedableRng};
@@ -420,8 +420,7 @@ fn wide_tables_take_linear_time() {
     assert_eq!(results::read(&folder.path().join("rows.csv")).unwrap().len(), 20);
     assert_eq!(results::read(&folder.path().join("rows.jsonl")).unwrap().len(), 10);
     cfreg::batch::Places::read(&folder.path().join("places.csv")).unwrap();
-    cfreg::experiment::benchmark::list::read(&folder.path().join("known.csv"), Path::new(""))
-        .unwrap();
+    cfreg::benchmark::list::read(&folder.path().join("known.csv"), Path::new("")).unwrap();
     println!("five wide tables: {:?}", start.elapsed());
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }

@@ -3,7 +3,7 @@
 //!
 //! `cargo test --release --test teaser_memory -- --nocapture` prints memory and times.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::Teaser;
 use cfreg::verify::Warning;
 use cfreg::{PointCloud, Transform, math};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cfreg::batch::{List, Places, Row, RowGraph, results, within};
-use cfreg::experiment::benchmark::{Poses, list as listed};
+use cfreg::benchmark::{Poses, list as listed};
 use cfreg::pose_graph::Tangent;
 use cfreg::report::Kept;
 use cfreg::{Error, PointCloud, Transform, io};

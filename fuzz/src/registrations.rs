@@ -1,7 +1,7 @@
 //! Registration of small clouds, most of them hard or hopeless: an answer is one in every respect.
 
 use cfreg::Error;
-use cfreg::experiment::benchmark;
+use cfreg::benchmark;
 use cfreg::method::{Consensus, Method, Register, Registration};
 use cfreg::verify::{Decision, Verdict};
 use serde_json::{Value, json};

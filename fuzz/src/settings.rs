@@ -3,9 +3,9 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
+use cfreg::benchmark;
 use cfreg::cloud::{Channels, ViewpointSource};
 use cfreg::descriptor::HistogramScale;
-use cfreg::experiment::benchmark;
 use cfreg::method::{Channel, Method};
 use cfreg::pose::{Prior, ScaleEstimate, Solver};
 use cfreg::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};

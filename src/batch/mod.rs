@@ -80,7 +80,7 @@ pub enum Start {
 ///
 /// ```
 /// use cfreg::batch::{Batch, List};
-/// use cfreg::{experiment::shape::boulder, io, method::{Pipeline, Consensus}};
+/// use cfreg::{cloud::shape::boulder, io, method::{Pipeline, Consensus}};
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let folder = folder.path();
 /// for seed in 0..3 {

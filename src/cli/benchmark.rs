@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::{Outcome, outputs, print, progress, reading, say};
+use crate::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
 use crate::cloud::ViewpointSource;
 use crate::error::Result;
-use crate::experiment::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
 use crate::par;
 
 #[derive(Args)]

@@ -6,6 +6,7 @@
 mod batch;
 mod benchmark;
 mod clouds;
+mod demo;
 mod evaluate;
 mod graph;
 mod options;
@@ -15,8 +16,6 @@ mod pictured;
 mod reading;
 mod register;
 mod report;
-mod reproduce;
-mod trials;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
@@ -27,7 +26,6 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::{Error, Result};
-use crate::experiment::scaling::Meter;
 
 /// Rigid point-cloud registration without correspondences and without an initial guess.
 ///
@@ -53,9 +51,7 @@ enum Command {
     /// Measure how well two clouds lie on each other under a given pose
     Evaluate(evaluate::Evaluate),
     /// Register two samples of a built-in shape whose true pose is known
-    Demo(trials::Demo),
-    /// The paper's accuracy test on a cloud of your own (Table II)
-    Accuracy(trials::Accuracy),
+    Demo(demo::Demo),
     /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
     Benchmark(benchmark::Benchmark),
     /// Make a list of pairs: consecutive scans, scans of a map, scans near each other
@@ -64,8 +60,6 @@ enum Command {
     Batch(batch::Batch),
     /// Make a graph of poses (g2o) of the accepted ones among results of a list
     Graph(graph::ToGraph),
-    /// The paper's experiments: every trial, and its tables beside the printed ones
-    Reproduce(reproduce::Reproduce),
     /// Print the licences of all software that is compiled into this program
     Licenses,
 }
@@ -78,15 +72,14 @@ const THIRD_PARTY: &str = include_str!("../../THIRD-PARTY.txt");
 enum Outcome {
     Trusted,
     Doubted,
-    NoAnswer,
 }
 
 /// Whether there is no standard output: the process was begun without.
 static NO_OUTPUT: AtomicBool = AtomicBool::new(false);
 
-/// Runs the command line of this process; `meter` tells its memory, `output` whether it was begun
-/// with a standard output. Rust puts /dev/null where there is none, and what is printed is lost.
-pub fn main(meter: Option<Meter>, output: bool) -> ExitCode {
+/// Runs the command line of this process; `output` tells whether it was begun with a standard
+/// output. Rust puts /dev/null where there is none, and what is printed is lost.
+pub fn main(output: bool) -> ExitCode {
     NO_OUTPUT.store(!output, Ordering::Relaxed);
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -101,12 +94,10 @@ pub fn main(meter: Option<Meter>, output: bool) -> ExitCode {
         Command::Convert(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Demo(command) => command.run(),
-        Command::Accuracy(command) => command.run(),
         Command::Benchmark(command) => command.run(),
         Command::Pairs(command) => command.run(),
         Command::Batch(command) => command.run(),
         Command::Graph(command) => command.run(),
-        Command::Reproduce(command) => command.run(meter),
         Command::Licenses => print(THIRD_PARTY).map(|()| Outcome::Trusted),
     })
 }
@@ -115,7 +106,6 @@ fn exit_code(outcome: Result<Outcome>) -> ExitCode {
     match outcome {
         Ok(Outcome::Trusted) => ExitCode::SUCCESS,
         Ok(Outcome::Doubted) => ExitCode::from(1),
-        Ok(Outcome::NoAnswer) => ExitCode::from(2),
         // As shells count it: 128 and the number of the signal.
         Err(Error::Interrupted) => ExitCode::from(130),
         Err(error) => {

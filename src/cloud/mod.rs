@@ -5,6 +5,7 @@ mod channels;
 mod descriptors;
 mod mesh;
 mod point_cloud;
+pub mod shape;
 mod transform;
 mod viewpoint_source;
 mod visible_faces;

@@ -29,7 +29,7 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 ///
 /// ```
 /// use cfreg::{method::{Cf, Register}, weight::WeightScheme};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
 /// let cf = Cf { weights: WeightScheme::Cauchy, beta: Some(50.0.into()), ..Cf::default() };
 /// let registration = cf.register(&source, &target)?;
@@ -82,7 +82,7 @@ impl Cf {
     ///
     /// ```
     /// use cfreg::method::{Cf, Register};
-    /// # use cfreg::experiment::shape::boulder;
+    /// # use cfreg::cloud::shape::boulder;
     /// # let (source, target) = (boulder().sample(500, 1)?, boulder().sample(500, 2)?);
     /// let registration = Cf::multiscale().register(&source, &target)?;
     /// assert!(registration.transform.angle().to_degrees() < 5.0);
@@ -137,7 +137,7 @@ impl Cf {
     ///
     /// ```
     /// use cfreg::{method::Cf, weight::Normalization};
-    /// # use cfreg::experiment::shape::boulder;
+    /// # use cfreg::cloud::shape::boulder;
     /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
     /// let cf = Cf::default();
     /// let registration = cf.register_with(&source, &target, |connection| {

@@ -24,7 +24,7 @@ use crate::par;
 ///
 /// ```
 /// use cfreg::method::{Cfk, Register};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
 /// let registration = Cfk::default().register(&source, &target)?;
 /// println!("{:?} keypoints", registration.points.source.keypoints);

@@ -67,7 +67,7 @@ pub trait Register: Send + Sync {
     ///
     /// ```
     /// use cfreg::method::{Cache, Cached, Cf, Register};
-    /// # use cfreg::experiment::shape::boulder;
+    /// # use cfreg::cloud::shape::boulder;
     /// let map = boulder().sample(400, 0)?;
     /// let cache = Cache::default();
     /// let target = Cached { cloud: &map, cache: Some(&cache) };

@@ -25,7 +25,7 @@ use crate::verify::{VerdictModel, Warning};
 ///
 /// ```
 /// use cfreg::method::{Pipeline, Register};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
 /// let chain = Pipeline::new("cf".parse()?, vec!["icp".parse()?])?;
 /// let refined = chain.register(&source, &target)?;

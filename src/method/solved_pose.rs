@@ -19,7 +19,7 @@ use crate::verify::{self, FitnessRule, Warning};
 /// ```
 /// use cfreg::method::{MethodRecord, Register, Registration, SolvedPose};
 /// use cfreg::{PointCloud, Result, Transform};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 ///
 /// /// Moves centroid onto centroid.
 /// struct Centroids;

@@ -75,7 +75,7 @@ impl Method {
     ///
     /// ```
     /// use cfreg::method::{Method, Register};
-    /// # use cfreg::experiment::shape::boulder;
+    /// # use cfreg::cloud::shape::boulder;
     /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
     /// let method: Method = "cf".parse()?;
     /// let found = method.register(&source, &target)?;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::Pair;
 use super::listing::{self, Cell, Line, Listing};
+use crate::benchmark::{self, Again, Row, Settings, reliability};
 use crate::error::Result;
-use crate::experiment::benchmark::{self, Again, Row, Settings, reliability};
 
 /// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
 /// no answers, other wrong ones, right ones that were not accepted, the rest. The first `pages`

@@ -203,7 +203,7 @@ pub(super) fn central(cloud: &PointCloud) -> (Vec3, Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::shape::boulder;
+    use crate::cloud::shape::boulder;
 
     #[test]
     fn small_numbers_are_the_points() {

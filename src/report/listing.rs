@@ -8,39 +8,44 @@ use serde::Serialize;
 
 use super::{Pair, page, words};
 use crate::error::{Error, Result};
-use crate::experiment::figure::Figure;
+use crate::figure::Figure;
 use crate::io;
 
 /// A page with a table that can be sorted.
 #[derive(Debug, Clone, Default, Serialize)]
-pub(super) struct Listing {
-    pub(super) title: String,
+pub struct Listing {
+    /// Title of the page.
+    pub title: String,
     /// Sentences above the table.
-    pub(super) lines: Vec<String>,
+    pub lines: Vec<String>,
     /// Curves above it, each an SVG of our own, with what it shows.
-    pub(super) curves: Vec<(String, String)>,
-    pub(super) columns: Vec<&'static str>,
-    pub(super) rows: Vec<Line>,
+    pub curves: Vec<(String, String)>,
+    /// Names of the columns.
+    pub columns: Vec<&'static str>,
+    /// The rows, in their order.
+    pub rows: Vec<Line>,
     /// Whether any row has a picture.
-    pub(super) pictures: bool,
-    pub(super) version: &'static str,
+    pub pictures: bool,
+    /// Version of the crate; filled in.
+    pub version: &'static str,
 }
 
 /// A row.
 #[derive(Debug, Clone, Default, Serialize)]
-pub(super) struct Line {
+pub struct Line {
     /// `good`, `unsure` or `bad`.
-    pub(super) tone: &'static str,
-    pub(super) cells: Vec<Cell>,
+    pub tone: &'static str,
+    /// One a column.
+    pub cells: Vec<Cell>,
     /// The page of the pair, relative to this one.
-    pub(super) link: Option<String>,
+    pub link: Option<String>,
     /// PNG in base64.
-    pub(super) picture: Option<String>,
+    pub picture: Option<String>,
 }
 
 /// What stands in a column, and by what it is sorted where that is a number.
 #[derive(Debug, Clone, Default, Serialize)]
-pub(super) struct Cell {
+pub struct Cell {
     text: String,
     number: Option<f64>,
 }
@@ -53,16 +58,19 @@ const POINTS: usize = 20_000;
 const FOLDER: &str = "pairs";
 
 impl Cell {
-    pub(super) fn text(text: impl Into<String>) -> Cell {
+    /// Words.
+    pub fn text(text: impl Into<String>) -> Cell {
         Cell { text: text.into(), number: None }
     }
 
-    pub(super) fn number(value: Option<f64>) -> Cell {
+    /// A number; empty where there is none.
+    pub fn number(value: Option<f64>) -> Cell {
         let value = value.filter(|value| value.is_finite());
         Cell { text: value.map_or_else(String::new, words::short), number: value }
     }
 
-    pub(super) fn share(value: Option<f64>) -> Cell {
+    /// A share as percent; empty where there is none.
+    pub fn share(value: Option<f64>) -> Cell {
         let value = value.filter(|value| value.is_finite());
         Cell { text: value.map_or_else(String::new, words::percent), number: value }
     }
@@ -84,20 +92,29 @@ impl Line {
 
 impl Listing {
     /// Adds the curves of a figure.
-    pub(super) fn draw(&mut self, figure: &Figure, shows: &str) -> Result<()> {
+    ///
+    /// # Errors
+    /// Those of [`Figure::svg`].
+    pub fn draw(&mut self, figure: &Figure, shows: &str) -> Result<()> {
         self.curves.push((figure.svg()?, shows.into()));
         Ok(())
     }
 
     /// The page.
-    pub(super) fn html(mut self) -> Result<String> {
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the page cannot be made.
+    pub fn html(mut self) -> Result<String> {
         self.pictures = self.rows.iter().any(|row| row.picture.is_some());
         self.version = env!("CARGO_PKG_VERSION");
         page::listing(&self)
     }
 
     /// Writes the page into `folder`, as `index.html`.
-    pub(super) fn write(self, folder: &Path) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(self, folder: &Path) -> Result<()> {
         io::write_bytes(&folder.join("index.html"), self.html()?.as_bytes())
     }
 }

@@ -9,12 +9,11 @@ mod display;
 mod facts;
 mod kept;
 mod links;
-mod listing;
+pub mod listing;
 mod look;
 mod page;
 mod pair;
 mod picture;
-mod study;
 mod tables;
 mod words;
 
@@ -23,4 +22,3 @@ pub use benchmark::benchmark;
 pub use kept::Kept;
 pub use page::is_ours;
 pub use pair::Pair;
-pub use study::study;

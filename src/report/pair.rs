@@ -15,7 +15,7 @@ use super::tables::{self, Histogram, Input, Posed, Stage, Uncertainty};
 use super::words::{self, Headline};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
-use crate::experiment::figure::Figure;
+use crate::figure::Figure;
 use crate::math::{self, Vec3};
 use crate::method::Method;
 use crate::search;
@@ -26,7 +26,7 @@ use crate::verify;
 /// ```
 /// use cfreg::method::{Method, Register};
 /// use cfreg::report::Pair;
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
 /// let found = Method::register(&"consensus".parse()?, &source, &target)?;
 /// let json = serde_json::to_string(&found).unwrap();

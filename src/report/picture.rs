@@ -4,7 +4,7 @@
 use super::display::Shown;
 use super::look::{Frame, Look};
 use crate::cloud::Transform;
-use crate::experiment::figure::{Content, Dot, Figure, Panel, Scene};
+use crate::figure::{Content, Dot, Figure, Panel, Scene};
 use crate::math::{self, Vec3};
 
 /// Colours of source and target: orange and blue of Okabe and Ito (2008), told apart by most eyes.

@@ -18,7 +18,7 @@ const FLOORS: &[(u8, &[&str])] = &[
     (6, &["method"]),
     (7, &["pose_graph"]),
     (8, &["batch"]),
-    (9, &["experiment"]),
+    (9, &["figure", "benchmark"]),
     (10, &["report"]),
     (11, &["cli", "python"]),
 ];

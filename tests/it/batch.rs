@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
 use cfreg::cloud::ViewpointSource;
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Consensus, Method, Pipeline, Register, Registration};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};

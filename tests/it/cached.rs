@@ -1,6 +1,6 @@
 //! Clouds of many pairs: what is kept beside them changes no bit of an answer.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Cache, Cached, Method, Pipeline, Register, Registration, Timings};
 use cfreg::{PointCloud, Transform};
 use serde_json::{Value, json};

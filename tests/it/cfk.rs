@@ -5,8 +5,8 @@ use crate::common;
 
 use std::collections::BTreeSet;
 
+use cfreg::cloud::shape::boulder;
 use cfreg::descriptor::{HistogramScale, fpfh};
-use cfreg::experiment::shape::boulder;
 use cfreg::keypoint::{Iss, Keypoints, Sift};
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Cfk, FeatureConfig, Method, Register, Registration, Timings};

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::{Channels, PointCloud, Transform, io};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

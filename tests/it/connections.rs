@@ -1,7 +1,7 @@
 //! What methods connected, made again.
 
 use cfreg::Transform;
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math;
 use cfreg::method::{Cf, Method, Register, WeightBlock};
 use cfreg::weight::WeightScheme;

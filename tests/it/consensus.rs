@@ -2,9 +2,9 @@
 
 use crate::common;
 
+use cfreg::benchmark::{self, Rule, Settings, list};
 use cfreg::cloud::ViewpointSource;
-use cfreg::experiment::benchmark::{self, Rule, Settings, list};
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Registration};
 use cfreg::verify::{Decision, Warning};

@@ -1,7 +1,7 @@
 //! The covariance of a pose: is it of the size of the errors, and does it know what slides?
 
-use cfreg::experiment::benchmark::anywhere;
-use cfreg::experiment::shape::boulder;
+use cfreg::benchmark::anywhere;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
 use cfreg::verify::{Decision, PoseCovariance};

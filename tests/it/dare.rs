@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
 use cfreg::pose::{Prior, RotationBound};

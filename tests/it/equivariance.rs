@@ -3,8 +3,8 @@
 
 use crate::common;
 
+use cfreg::cloud::shape::boulder;
 use cfreg::descriptor::{HistogramScale, fpfh};
-use cfreg::experiment::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::normals::{self, Normals, Orientation};
 use cfreg::search::{Neighborhood, Neighbors};

@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Mat3, Vec3};
 use cfreg::method::{
     IterationRecord, KernelCorrelation, Refine, Register, Registration, StopReason,

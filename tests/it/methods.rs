@@ -1,6 +1,6 @@
 //! What every method promises, whichever it is.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math;
 use cfreg::method::{Cf, Cfk, Method, Pipeline, Register};
 use cfreg::par::Interrupt;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use cfreg::batch::{RowGraph, results};
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::pose_graph::Tangent;
 use cfreg::{Transform, io};
 use tempfile::TempDir;

@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Teaser};
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};

@@ -1,6 +1,6 @@
 //! What is known beforehand holds in the answer of every method.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Cf, Consensus, Method, Pipeline, Register};
 use cfreg::pose::{Prior, RotationBound, ScaleEstimate};

@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::method::{Register, Registration, Teaser};
 use cfreg::search::Neighborhood;
 use cfreg::verify::{Warning, pose_error};

@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
 use cfreg::verify::{Decision, Verdict};

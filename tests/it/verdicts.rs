@@ -1,7 +1,7 @@
 //! The pose that is returned is the one that is verified: after refinements, from a given pose,
 //! and of methods that have no verdict of their own.
 
-use cfreg::experiment::shape::boulder;
+use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Icp, Method, Pipeline, Refine, Register};
 use cfreg::verify::{self, Decision, Warning};

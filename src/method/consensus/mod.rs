@@ -53,7 +53,7 @@ use crate::verify::{PoseEvidence, VerdictModel};
 ///
 /// ```
 /// use cfreg::method::{Consensus, Register};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
 /// let registration = Consensus::default().register(&source, &target)?;
 /// let verdict = registration.verdict.unwrap();

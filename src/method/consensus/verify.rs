@@ -30,7 +30,7 @@ impl Consensus {
     /// ```
     /// use cfreg::method::Consensus;
     /// use cfreg::verify::Decision;
-    /// # use cfreg::experiment::shape::boulder;
+    /// # use cfreg::cloud::shape::boulder;
     /// # use cfreg::Transform;
     /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
     /// let wrong = Transform::from_rotation_vector([0.0, 0.0, 1.0]);

@@ -37,7 +37,7 @@ use rotation::{GncIteration, GncOptions};
 ///
 /// ```
 /// use cfreg::method::{Register, Teaser};
-/// # use cfreg::experiment::shape::boulder;
+/// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
 /// let registration = Teaser::default().register(&source, &target)?;
 /// println!("{} inliers", registration.effective_connections);

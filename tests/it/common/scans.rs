@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cfreg::experiment::benchmark::list;
+use cfreg::benchmark::list;
 use cfreg::math::Vec3;
 use cfreg::{PointCloud, Transform, filter, io};
 use rand::{Rng, SeedableRng};

@@ -1,0 +1,292 @@
+//! What is run: a contender, a shape, a motion, and how the paper is read.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::super::protocol::{Protocol, Viewpoint};
+use super::variation::Variation;
+use crate::Motion;
+use cfreg::method::{Cf, Cfk, Cpd, Dare, Icp, Method, Teaser};
+use cfreg::weight::Normalization;
+
+/// A method with the settings of section IV-A.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Contender {
+    /// [`Icp::paper`].
+    Icp,
+    /// Without scale.
+    Cpd,
+    /// Without colour and features.
+    Dare,
+    /// Noise bound 0.05, of which the paper says nothing: the one of TEASER++'s example, whose
+    /// other settings the paper names.
+    Teaser,
+    /// k = 150, β = 100.
+    Cf,
+    /// The same at SIFT keypoints.
+    Cfk,
+    /// Not of the paper: CF with dual softmax, still one step.
+    CfBoth,
+    /// Not of the paper: [`Cf::multiscale`], the best of the study of weights, still one step.
+    CfMultiscale,
+}
+
+impl Contender {
+    /// Those of the paper, in the order of its tables, then ours.
+    pub const ALL: [Contender; 8] = [
+        Contender::Icp,
+        Contender::Cpd,
+        Contender::Dare,
+        Contender::Teaser,
+        Contender::Cf,
+        Contender::Cfk,
+        Contender::CfBoth,
+        Contender::CfMultiscale,
+    ];
+
+    /// The method with its settings.
+    pub fn method(self) -> Method {
+        match self {
+            Contender::Icp => Method::Icp(Icp::paper()),
+            Contender::Cpd => Method::Cpd(Cpd::default()),
+            Contender::Dare => Method::Dare(Dare::default()),
+            Contender::Teaser => {
+                Method::Teaser(Teaser { noise_bound: Some(0.05), ..Teaser::default() })
+            }
+            Contender::Cf => Method::Cf(Cf::default()),
+            Contender::Cfk => Method::Cfk(Cfk::default()),
+            Contender::CfBoth => {
+                Method::Cf(Cf { normalization: Normalization::Both, ..Cf::default() })
+            }
+            Contender::CfMultiscale => Method::Cf(Cf::multiscale()),
+        }
+    }
+}
+
+impl fmt::Display for Contender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Contender::Icp => "ICP",
+            Contender::Cpd => "CPD",
+            Contender::Dare => "DARE",
+            Contender::Teaser => "TEASER",
+            Contender::Cf => "CF",
+            Contender::Cfk => "CFK",
+            Contender::CfBoth => "CF both",
+            Contender::CfMultiscale => "CF multiscale",
+        })
+    }
+}
+
+/// A model of the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shape {
+    /// bun000.
+    Bunny,
+    /// dragonStandRight_0.
+    Dragon,
+    /// ArmadilloStand_180, for which others stand in.
+    Armadillo,
+}
+
+impl Shape {
+    /// In the order of Table II.
+    pub const ALL: [Shape; 3] = [Shape::Bunny, Shape::Dragon, Shape::Armadillo];
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Shape::Bunny => "bunny",
+            Shape::Dragon => "dragon",
+            Shape::Armadillo => "Armadillo",
+        })
+    }
+}
+
+/// A test of section IV.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Test {
+    /// Section IV-B, the figure of average shift over noise.
+    Sensitivity,
+    /// Section IV-C, Table I.
+    Robustness,
+    /// Section IV-D, Table II.
+    Accuracy,
+}
+
+/// How the paper is read where its words leave a choice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reading {
+    /// To the letter: the scan's surface sampled by area, normals towards the origin of the
+    /// frame, outliers from a ball of radius 0.2.
+    Written,
+    /// As its figures suggest: a ball of diameter 0.2, and a frame in which the origin moves
+    /// along with the target (its "centered" clouds have theirs in the centroid).
+    Fitting,
+    /// As `Fitting`, the scan's own points instead of its surface.
+    Points,
+}
+
+impl Reading {
+    /// All, the first to the letter.
+    pub const ALL: [Reading; 3] = [Reading::Written, Reading::Fitting, Reading::Points];
+
+    /// Where normals look.
+    pub fn viewpoint(self) -> Viewpoint {
+        match self {
+            Reading::Written => Viewpoint::Origin,
+            Reading::Fitting | Reading::Points => Viewpoint::Along,
+        }
+    }
+
+    /// Radius of the ball of outliers, metres.
+    pub fn radius(self) -> f64 {
+        match self {
+            Reading::Written => 0.2,
+            Reading::Fitting | Reading::Points => 0.1,
+        }
+    }
+}
+
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Reading::Written => "written",
+            Reading::Fitting => "fitting",
+            Reading::Points => "points",
+        })
+    }
+}
+
+/// Some trials of one contender.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// The test.
+    pub test: Test,
+    /// How it is read.
+    pub reading: Reading,
+    /// On what.
+    pub shape: Shape,
+    /// Moved how.
+    pub motion: Motion,
+    /// Who.
+    pub contender: Contender,
+    /// Standard deviation of the noise in tenths of a millimetre; 0 but for sensitivity.
+    pub noise: u32,
+    /// How many trials.
+    pub trials: usize,
+    /// What is changed for the table of readings; `None` in the paper's own tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variation: Option<Variation>,
+}
+
+impl Cell {
+    /// The contender's method, as varied.
+    pub fn method(&self) -> Method {
+        let method = self.contender.method();
+        match self.variation {
+            Some(variation) => variation.method(method),
+            None => method,
+        }
+    }
+
+    /// Where normals look.
+    pub fn viewpoint(&self) -> Viewpoint {
+        let viewpoint = self.reading.viewpoint();
+        self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
+    }
+
+    /// Which model is sampled: of a shape, by a reading, and from which side in degrees where
+    /// that is varied.
+    pub(super) fn model(&self) -> (Shape, Reading, Option<u32>) {
+        let side = match self.variation {
+            Some(Variation::Side(degrees)) => Some(degrees),
+            _ => None,
+        };
+        (self.shape, self.reading, side)
+    }
+
+    /// What a trial of it is made by.
+    pub fn protocol(&self) -> Protocol {
+        let protocol = match self.test {
+            Test::Sensitivity => Protocol::Sensitivity { sigma: 1e-4 * f64::from(self.noise) },
+            Test::Robustness => {
+                Protocol::Robustness { outliers: 100, radius: self.reading.radius() }
+            }
+            Test::Accuracy => Protocol::Accuracy,
+        };
+        self.variation.map_or(protocol, |variation| variation.protocol(protocol))
+    }
+
+    /// A name for files.
+    pub fn name(&self) -> String {
+        let mut words =
+            vec![self.trials_name(), self.contender.to_string().replace(' ', "-").to_lowercase()];
+        words.extend(self.variation.map(|variation| variation.to_string()));
+        words.join("_")
+    }
+
+    /// A name for the pairs that all contenders are given.
+    pub fn trials_name(&self) -> String {
+        let test = match self.test {
+            Test::Sensitivity => format!("sensitivity-{:03}", self.noise),
+            Test::Robustness => "robustness".into(),
+            Test::Accuracy => "accuracy".into(),
+        };
+        let words =
+            [test, self.reading.to_string(), self.shape.to_string(), self.motion.to_string()];
+        words.join("_").to_lowercase()
+    }
+}
+
+/// All cells of the paper's tables and curves: `trials` in the tables and `noisy` a level of
+/// noise, of which there are `levels` up to 0.02.
+pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    let mut add = |test, reading, shape, noise, trials| {
+        for motion in Motion::ALL {
+            for contender in Contender::ALL {
+                let variation = None;
+                cells.push(Cell {
+                    test,
+                    reading,
+                    shape,
+                    motion,
+                    contender,
+                    noise,
+                    trials,
+                    variation,
+                });
+            }
+        }
+    };
+    for reading in Reading::ALL {
+        add(Test::Robustness, reading, Shape::Bunny, 0, trials);
+        Shape::ALL.iter().for_each(|&shape| add(Test::Accuracy, reading, shape, 0, trials));
+    }
+    for level in 1..=levels {
+        add(Test::Sensitivity, Reading::Fitting, Shape::Bunny, 200 * level / levels, noisy);
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_cell_has_a_name_of_its_own() {
+        let cells = cells(100, 30, 10);
+        let mut names: Vec<String> = cells.iter().map(Cell::name).collect();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), cells.len());
+        assert!(names.contains(&"accuracy_written_bunny_small_cf-both".to_string()), "{names:?}");
+    }
+}

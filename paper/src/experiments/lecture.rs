@@ -1,0 +1,131 @@
+//! Section V: terrestrial scans with partial overlap, on which the full connection fails.
+//!
+//! The paper's lecture hall was not to be had; two terrestrial scans of 3DTK's sample data
+//! are of its kind.
+
+use std::path::Path;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::pictures::pair;
+use super::record::SEED;
+use crate::Motion;
+use crate::files;
+use cfreg::cloud::{PointCloud, Transform};
+use cfreg::error::{Error, Result};
+use cfreg::figure::Panel;
+use cfreg::method::{Cf, Cfk, Method, Register};
+use cfreg::verify::{PoseError, pose_error};
+use cfreg::{filter, io};
+
+/// Points drawn from each scan (section V).
+pub const POINTS: usize = 30_000;
+/// The pair, from the data folder, as `pairs.csv` names it.
+const PAIR: (&str, &str) = ("tls_3dtk/scan001.ply", "tls_3dtk/scan000.ply");
+
+/// The pair and what became of it.
+pub struct Hall {
+    source: PointCloud,
+    target: PointCloud,
+    outcomes: Vec<Outcome>,
+}
+
+/// The answer of a method.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    /// The method's name on the command line.
+    pub method: &'static str,
+    /// What it found.
+    pub transform: Transform,
+    /// Whether it says that the pose may be trusted.
+    pub trusted: bool,
+    /// How far off it is; the translation in the scans' unit, centimetres.
+    pub error: PoseError,
+}
+
+/// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three
+/// scales; `None` where the scans are not.
+///
+/// # Errors
+/// Those of the readers and of the methods.
+pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
+    let (source, target) = (data.join(PAIR.0), data.join(PAIR.1));
+    let Some(truth) = truth(&data.join("pairs.csv"))? else { return Ok(None) };
+    if !(source.is_file() && target.is_file()) {
+        return Ok(None);
+    }
+    let read = |path: &Path, seed| {
+        let cloud = io::read(path)?;
+        Ok::<_, Error>(filter::sample(&cloud, points, seed))
+    };
+    // The scanner stood in the origin of its file; it goes along.
+    let seen = |cloud: PointCloud| cloud.with_viewpoint([0.0; 3]);
+    let (source, target) = (seen(read(&source, 1)?)?, seen(read(&target, 2)?)?);
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let motion = Motion::Large.draw(source.centroid(), &mut rng);
+    let (source, truth) = (source.transformed(&motion)?, truth.after(&motion.inverse()));
+    let outcome = |(name, method): (&'static str, Method)| {
+        let found = method.register(&source, &target)?;
+        let error = pose_error(&found.transform, &truth, source.centroid());
+        let (transform, trusted) = (found.transform, found.trusted);
+        Ok::<_, Error>(Outcome { method: name, transform, trusted, error })
+    };
+    let methods = [
+        ("cf", Method::Cf(Cf::default())),
+        ("cfk", Method::Cfk(Cfk::default())),
+        ("cf-multiscale", Method::Cf(Cf::multiscale())),
+    ];
+    let outcomes = methods.into_iter().map(outcome).collect::<Result<_>>()?;
+    Ok(Some(Hall { source, target, outcomes }))
+}
+
+/// The clouds as they lie, and under each pose.
+pub fn panels(hall: &Hall) -> Vec<Panel> {
+    let panel =
+        |title: String, source: &PointCloud| Panel { title, content: pair(&hall.target, source) };
+    let mut panels = vec![panel("initial (terrestrial scans that stand in)".into(), &hall.source)];
+    for outcome in &hall.outcomes {
+        if let Ok(moved) = hall.source.transformed(&outcome.transform) {
+            let verdict = if outcome.trusted { "trusted" } else { "not trusted" };
+            let off = outcome.error.rotation_deg;
+            panels
+                .push(panel(format!("{}: off by {off:.0} deg, {verdict}", outcome.method), &moved));
+        }
+    }
+    panels
+}
+
+/// Writes the outcomes as JSON.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write(hall: &Hall, path: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(&hall.outcomes).unwrap_or_default();
+    files::write_bytes(path, (text + "\n").as_bytes())
+}
+
+/// The pair's true pose from the table of pairs; `None` where that is not, or lacks it.
+fn truth(table: &Path) -> Result<Option<Transform>> {
+    let Ok(mut reader) = csv::Reader::from_path(table) else { return Ok(None) };
+    let parse = |what: String| Error::parse(table, None, what);
+    let columns = reader.headers().map_err(|error| parse(error.to_string()))?.clone();
+    let column = |name: &str| {
+        columns.iter().position(|x| x == name).ok_or_else(|| parse(format!("has no {name}")))
+    };
+    let (source, target, first) = (column("source")?, column("target")?, column("t00")?);
+    for row in reader.records() {
+        let row = row.map_err(|error| parse(error.to_string()))?;
+        if (row.get(source), row.get(target)) != (Some(PAIR.0), Some(PAIR.1)) {
+            continue;
+        }
+        let mut matrix = [[0.0; 4]; 4];
+        for (k, entry) in matrix.as_flattened_mut().iter_mut().enumerate() {
+            let word = row.get(first + k).unwrap_or_default();
+            *entry = word.parse().map_err(|_| parse(format!("{word:?} is not a number")))?;
+        }
+        return Transform::from_matrix(matrix).map(Some);
+    }
+    Ok(None)
+}

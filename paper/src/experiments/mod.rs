@@ -1,0 +1,147 @@
+//! The paper's experiments (section IV), run again: every trial as CSV, Tables I and II
+//! beside the printed ones, and what becomes of them by each choice that the paper leaves.
+
+pub mod cell;
+mod lecture;
+pub mod models;
+pub mod pairs;
+mod pictures;
+pub mod printed;
+pub mod readings;
+mod record;
+pub mod tables;
+pub mod variation;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+pub use record::{Record, Trials};
+
+use self::cell::{Cell, Reading, Shape, Test};
+use self::models::Source;
+use self::tables::Results;
+use crate::files;
+use cfreg::error::{Error, Result};
+
+/// What is run, and where it goes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Folder of the scans ([`models::load`]).
+    pub data: PathBuf,
+    /// Folder of the results; made if it is not there. Trials that are in it already, made by
+    /// the same settings, are not run again.
+    pub output: PathBuf,
+    /// A few trials only, in a minute.
+    pub smoke: bool,
+    /// This part alone.
+    pub only: Option<Part>,
+}
+
+/// A part of the experiments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A test of section IV, as the paper has it.
+    Test(Test),
+    /// The tests by each choice that the paper leaves ([`readings`]).
+    Readings,
+}
+
+impl Part {
+    fn has(self, cell: &Cell) -> bool {
+        match self {
+            Part::Test(test) => cell.variation.is_none() && cell.test == test,
+            Part::Readings => cell.variation.is_some(),
+        }
+    }
+}
+
+/// What came of the experiments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// All trials.
+    pub results: Results,
+    /// A line for each model that was not there, and so was left out: which, and how to get it.
+    pub left_out: Vec<String>,
+}
+
+/// Trials of a cell in the tables, under noise and in the table of readings, and levels of
+/// noise.
+fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
+    if smoke { (2, 1, 1, 2) } else { (100, 30, 30, 10) }
+}
+
+/// Runs the experiments; `progress` is told how many cells of how many are done. Models that
+/// are not there are left out.
+///
+/// # Errors
+/// [`Error::Io`] when there is no model at all or a folder cannot be written, those of the
+/// readers. Nothing is written before the models are read.
+pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Outcome> {
+    let (trials, noisy, varied, levels) = sizes(options.smoke);
+    let mut cells = cell::cells(trials, noisy, levels);
+    cells.extend(readings::cells(varied, options.smoke));
+    let (sources, left_out) = load(options, &cells)?;
+    cells.retain(|cell| sources.contains_key(&cell.model()));
+    let wanted = |cell: &Cell| options.only.is_none_or(|part| part.has(cell));
+
+    let folder = options.output.join("trials");
+    std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
+    let mut results = Results::new();
+    for (done, cell) in cells.iter().enumerate() {
+        progress(done, cells.len());
+        let source = &sources[&cell.model()];
+        let path = folder.join(cell.name() + ".csv");
+        let found = match Trials::read(cell, source, &path) {
+            Some(found) => found,
+            // Other parts are shown as far as they are known.
+            None if !wanted(cell) => continue,
+            None => {
+                let found = Trials::run(cell, &source.model)?;
+                found.write(cell, source, &path)?;
+                found
+            }
+        };
+        results.insert(cell.name(), (*cell, found));
+    }
+    progress(cells.len(), cells.len());
+    let write =
+        |name: &str, text: String| files::write_bytes(&options.output.join(name), text.as_bytes());
+    if options.only.is_none_or(|part| part == Part::Readings) {
+        write("readings.md", readings::markdown(&results))?;
+    }
+    if options.only != Some(Part::Readings) {
+        write("tables.md", tables::markdown(&results))?;
+        write("tables.tex", tables::latex(&results))?;
+        pictures::draw(&options.data, &options.output, &results, options.smoke)?;
+    }
+    Ok(Outcome { results, left_out })
+}
+
+type Sources = BTreeMap<(Shape, Reading, Option<u32>), Source>;
+
+/// The models that `cells` need, and a line for each that is not there.
+fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
+    let needed: BTreeSet<_> = cells.iter().map(Cell::model).collect();
+    let (mut sources, mut missing) = (Sources::new(), Vec::new());
+    for key in needed {
+        let (shape, reading, side) = key;
+        let source = match side {
+            None => models::load(&options.data, shape, reading),
+            Some(degrees) => models::armadillo(&options.data, degrees),
+        };
+        match source {
+            Ok(source) => {
+                sources.insert(key, source);
+            }
+            Err(error) if models::is_missing(&error) => missing.push((shape, error)),
+            Err(error) => return Err(error),
+        }
+    }
+    if sources.is_empty() && !missing.is_empty() {
+        return Err(missing.swap_remove(0).1);
+    }
+    // One line a shape: its readings miss the same.
+    missing.dedup_by_key(|(shape, _)| *shape);
+    let lines = missing.iter().map(|(shape, error)| models::left_out(*shape, error));
+    Ok((sources, lines.collect()))
+}

@@ -1,0 +1,192 @@
+//! The paper's models, from a folder of scans.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::cell::{Reading, Shape};
+use crate::Model;
+use cfreg::cloud::Mesh;
+use cfreg::error::{Error, Result};
+use cfreg::io;
+
+/// A model, and the file it came from.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// What is sampled.
+    pub model: Model,
+    /// Its file.
+    pub path: PathBuf,
+    /// What stands in for the paper's own, and how; empty where nothing does.
+    pub remark: String,
+    /// Of the model ([`Model::digest`]).
+    pub digest: String,
+}
+
+/// What a file holds, and what is made of it.
+#[derive(Clone, Copy)]
+enum Form {
+    /// A scan of the paper: its range grid or its points.
+    Scan,
+    /// Points of a scan that was simulated.
+    Simulated,
+    /// The whole Armadillo, of which one side is seen.
+    Armadillo,
+}
+
+/// Names that the Armadillo's mesh goes by.
+const ARMADILLO: [&str; 2] = ["armadillo.ply", "Armadillo.ply"];
+
+/// A shape's files, the paper's first: the folder that each has in a mirror, and its name.
+fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static str, Form)] {
+    const SCAN: (&str, &str, Form) = ("stanford_armadillo", "ArmadilloStand_180.ply", Form::Scan);
+    match (shape, reading) {
+        (Shape::Bunny, _) => &[("stanford_bunny", "bun000.ply", Form::Scan)],
+        (Shape::Dragon, _) => &[("stanford_dragon_stand", "dragonStandRight_0.ply", Form::Scan)],
+        (Shape::Armadillo, Reading::Points) => {
+            &[SCAN, ("stanford_armadillo_simulated", "armadilloVirtual_180.ply", Form::Simulated)]
+        }
+        (Shape::Armadillo, _) => &[
+            SCAN,
+            ("stanford_meshes", ARMADILLO[0], Form::Armadillo),
+            ("stanford_meshes", ARMADILLO[1], Form::Armadillo),
+        ],
+    }
+}
+
+/// How a shape's files are had.
+fn advice(shape: Shape, reading: Reading) -> &'static str {
+    match (shape, reading) {
+        (Shape::Bunny, _) => {
+            "no such scan; `python3 data/fetch.py bun000` fetches it into data/scans, --data names \
+             another folder"
+        }
+        (Shape::Dragon, _) => {
+            "no such scan; `python3 data/fetch.py dragonStandRight_0` fetches it into data/scans, \
+             --data names another folder"
+        }
+        (Shape::Armadillo, Reading::Points) => {
+            "no such scan, nor armadilloVirtual_180.ply, a scan simulated from the mesh; put either \
+             beside the others"
+        }
+        (Shape::Armadillo, _) => {
+            "no such scan, nor the mesh armadillo.ply, which stands in for it: unpack \
+             http://graphics.stanford.edu/pub/3Dscanrep/armadillo/Armadillo.ply.gz beside the others"
+        }
+    }
+}
+
+/// The model of `shape` as `reading` samples it, from `folder`: flat, as `data/fetch.py`
+/// fills one, or a folder a data set.
+///
+/// # Errors
+/// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
+/// [`io::read_mesh`].
+pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
+    from(folder, files(shape, reading), reading, 0, advice(shape, reading))
+}
+
+/// What a sensor at `degrees` about the upright axis sees of the Armadillo's mesh, by area;
+/// 0 is its front.
+///
+/// # Errors
+/// As [`load`].
+pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
+    let (shape, reading) = (Shape::Armadillo, Reading::Fitting);
+    let meshes = &files(shape, reading)[1..];
+    from(folder, meshes, reading, degrees, advice(shape, reading))
+}
+
+/// The first of `files` that is there.
+fn from(
+    folder: &Path,
+    files: &[(&str, &str, Form)],
+    reading: Reading,
+    degrees: u32,
+    advice: &str,
+) -> Result<Source> {
+    let places = files.iter().flat_map(|&(set, name, form)| {
+        [folder.join(name), folder.join(set).join(name)].map(|path| (path, form))
+    });
+    let Some((path, form)) = places.clone().find(|(path, _)| path.is_file()) else {
+        let path = places.map(|(path, _)| path).next().unwrap_or_else(|| folder.to_path_buf());
+        let missing = std::io::Error::new(ErrorKind::NotFound, advice);
+        return Err(Error::io(path, missing));
+    };
+    let (model, remark) = match form {
+        Form::Scan if reading == Reading::Points => (Model::from(io::read(&path)?), String::new()),
+        Form::Scan => (Model::from(io::read_mesh(&path)?), String::new()),
+        Form::Simulated => (
+            Model::from(io::read(&path)?),
+            "the points of a scan simulated from the mesh stand in for ArmadilloStand_180".into(),
+        ),
+        Form::Armadillo => (
+            Model::from(seen_side(io::read_mesh(&path)?, degrees)?),
+            format!(
+                "what a sensor at {}° sees of the mesh, by area, stands in for ArmadilloStand_180",
+                (180 + degrees) % 360
+            ),
+        ),
+    };
+    Ok(Source { digest: model.digest(), model, path, remark })
+}
+
+/// The whole surface of `shape`, reconstructed from all of its scans, at its real size in
+/// metres; `None` where `folder`, flat or a folder a data set, has it not.
+///
+/// # Errors
+/// Those of [`io::read_mesh`].
+pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
+    let (names, unit): (&[&str], f64) = match shape {
+        Shape::Bunny => (&["bun_zipper.ply"], 1.0),
+        Shape::Dragon => (&["dragon_vrip_res2.ply"], 1.0),
+        Shape::Armadillo => (&ARMADILLO, UNIT),
+    };
+    let places = names
+        .iter()
+        .flat_map(|name| [folder.join(name), folder.join("stanford_meshes").join(name)]);
+    let Some(path) = places.into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    let mut mesh = io::read_mesh(&path)?;
+    mesh.vertices.iter_mut().flatten().for_each(|x| *x *= unit);
+    Ok(Some(mesh))
+}
+
+/// Whether `error` says that a scan is not there.
+pub fn is_missing(error: &Error) -> bool {
+    matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
+}
+
+/// A line for people: which shape is missing, and how to get it.
+pub fn left_out(shape: Shape, error: &Error) -> String {
+    format!("{shape} left out: {error}")
+}
+
+/// Metres a unit of Stanford's Armadillo: 151 units are the height of the statue without its
+/// stand, 0.254.
+const UNIT: f64 = 0.00168;
+
+/// Where the sensor of [`armadillo`] stands, far off, in the frame of what it sees.
+pub(super) fn sensor(degrees: u32) -> [f64; 3] {
+    const FAR: f64 = 20.0;
+    let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+    [FAR * sin, 0.0, FAR * cos]
+}
+
+/// What a sensor far off sees of the Armadillo. In metres, about the middle of the bounding
+/// box, turned so that the front, 180° by the scans' convention and −z of the mesh's frame,
+/// is towards z.
+fn seen_side(mut mesh: Mesh, degrees: u32) -> Result<Mesh> {
+    let along = |axis: usize| mesh.vertices.iter().map(move |vertex| vertex[axis]);
+    let middle = [0, 1, 2].map(|axis| {
+        let (low, high) = (
+            along(axis).fold(f64::INFINITY, f64::min),
+            along(axis).fold(f64::NEG_INFINITY, f64::max),
+        );
+        (low + high) / 2.0
+    });
+    for vertex in &mut mesh.vertices {
+        let turned = [-UNIT, UNIT, -UNIT];
+        *vertex = [0, 1, 2].map(|axis| turned[axis] * (vertex[axis] - middle[axis]));
+    }
+    let seen = mesh.visible_faces(sensor(degrees))?;
+    mesh.select_faces(&seen)
+}

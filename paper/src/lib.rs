@@ -1,0 +1,26 @@
+//! The laboratory of `cfreg`: the experiments of the paper, the study of weight schemes, and how
+//! time and memory grow, with their tables and figures.
+//!
+//! It uses the public API of `cfreg` alone. The program `cfreg-paper` runs all of it:
+//!
+//! ```sh
+//! cargo run --release -p cfreg-paper -- reproduce
+//! ```
+#![warn(missing_docs)]
+
+pub mod accuracy;
+pub mod experiments;
+mod files;
+mod model;
+mod motion;
+pub mod protocol;
+pub mod scaling;
+mod sheet;
+mod spread;
+pub mod study;
+mod views;
+
+pub use model::Model;
+pub use motion::Motion;
+pub use spread::Spread;
+pub use views::Views;

@@ -1,0 +1,169 @@
+//! The study of weight schemes that the paper leaves to the future: which kernel, bandwidth,
+//! normalisation and descriptor, against noise, outliers, sampling and partial overlap.
+//!
+//! Every scheme is one step: weights on the full connection from descriptors, one closed
+//! form. A grid of them is screened on a few trials a condition; the best, and those of
+//! one's own, are measured on many others, so that the ranking owes nothing to luck in the
+//! choice.
+
+mod condition;
+mod page;
+mod pictures;
+mod ranking;
+mod scheme;
+mod screening;
+mod tables;
+mod trials;
+
+use std::path::PathBuf;
+
+pub use condition::{Condition, Scenes};
+pub use ranking::{Interval, Standing};
+pub use scheme::{Place, Points, Scheme};
+pub use screening::Screened;
+pub use trials::Outcome;
+
+use self::ranking::Errors;
+use self::trials::{Draws, Entrant};
+use super::sheet;
+use crate::files;
+use cfreg::error::{Error, Result};
+use cfreg::figure::Figure;
+use cfreg::method::{Method, Teaser};
+
+/// What is run, and where it goes.
+pub struct Options {
+    /// Folder of the results, made if it is not there; what is in it already, made by the
+    /// same settings, is not run again; with schemes of one's own, which may have changed
+    /// under their names, all finals are.
+    pub output: PathBuf,
+    /// A few schemes and trials only.
+    pub smoke: bool,
+    /// Schemes of one's own, measured beside the best of the grid.
+    pub own: Vec<Scheme>,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    /// Every place of the grid in every condition.
+    pub screened: Vec<Screened>,
+    /// The finalists, the best first.
+    pub standings: Vec<Standing>,
+    /// Their trials by condition, trial by trial.
+    pub finals: Vec<(Condition, Vec<Outcome>)>,
+    /// Trials of a condition in the screening, and in the finals.
+    pub trials: [usize; 2],
+}
+
+impl Study {
+    /// The ranking, the errors behind it, and what each choice is worth, as tables.
+    pub fn markdown(&self) -> String {
+        tables::markdown(self)
+    }
+
+    /// The finalists against overlap, noise and outliers, and what the screening says of
+    /// bandwidths and neighbourhoods, as curves.
+    pub fn figure(&self) -> Figure {
+        pictures::figure(self)
+    }
+}
+
+/// Seeds of the two rounds; those of the paper's tests, and of what was tried before the grid
+/// was made, are others.
+const SEEDS: [u64; 2] = [11, 13];
+
+/// The method of many steps that stands beside the schemes.
+const BESIDE: &str = "TEASER";
+
+/// Runs the study on `scenes`; `progress` is told how many parts of how many are done.
+///
+/// # Errors
+/// [`Error::Io`] for a folder that cannot be written, [`Error::Config`] for two schemes of
+/// one name; those of [`Scenes::trial`].
+pub fn run(
+    options: &Options,
+    scenes: &Scenes,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Study> {
+    std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
+    let [few, many] = if options.smoke { [2, 3] } else { [6, 60] };
+    let wanted = |condition: &&Condition| {
+        scenes.have(**condition) && !(options.smoke && SKIPPED_BY_SMOKE.contains(*condition))
+    };
+    let conditions: Vec<Condition> = Condition::ALL.iter().filter(wanted).copied().collect();
+    let parts = 2 * conditions.len();
+
+    let grid: Vec<Scheme> = Place::grid(options.smoke).into_iter().map(Scheme::at).collect();
+    let mut screened = Vec::new();
+    for (done, &condition) in conditions.iter().enumerate() {
+        progress(done, parts);
+        let draws = Draws::new(scenes, condition, SEEDS[0], few);
+        screened.extend(screening::run(scenes, draws, &grid, &options.output)?);
+    }
+
+    let finalists = screening::finalists(&screened, &conditions, &grid);
+    let beside = Teaser { noise_bound: Some(0.05), ..Teaser::default() };
+    let mut entrants: Vec<Entrant<'_>> =
+        finalists.into_iter().chain(&options.own).map(Entrant::Scheme).collect();
+    entrants.push(Entrant::Beside(BESIDE, Box::new(Method::Teaser(beside))));
+    let names: Vec<String> = entrants.iter().map(|entrant| entrant.name().to_string()).collect();
+    if let Some(twice) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
+        return Err(Error::config("scheme", &names[twice], "must be the name of one scheme only"));
+    }
+    let mut finals = Vec::new();
+    for (done, &condition) in conditions.iter().enumerate() {
+        progress(conditions.len() + done, parts);
+        let draws = Draws::new(scenes, condition, SEEDS[1], many);
+        let path = options.output.join(format!("final_{}.csv", condition.stem()));
+        let maker = ("final", draws);
+        let known = sheet::read(&path, &maker).filter(|rows: &Vec<Outcome>| {
+            options.own.is_empty()
+                && rows.len() == many * names.len()
+                && rows.iter().zip(names.iter().cycle()).all(|(r, n)| r.scheme == *n)
+        });
+        let outcomes = match known {
+            Some(known) => known,
+            None => {
+                let outcomes = trials::run(scenes, draws, &entrants)?;
+                sheet::write(&path, &maker, &outcomes)?;
+                outcomes
+            }
+        };
+        finals.push((condition, outcomes));
+    }
+    progress(parts, parts);
+    let errors: Vec<Errors> = finals
+        .iter()
+        .map(|(condition, outcomes)| Errors::of(*condition, outcomes, names.len()))
+        .collect();
+    // The paper's scheme is always the first finalist.
+    let standings = ranking::standings(&names, 0, &errors);
+    let study = Study { screened, standings, finals, trials: [few, many] };
+    let ranking = options.output.join("ranking.md");
+    files::write_bytes(&ranking, study.markdown().as_bytes())?;
+    study.figure().save(&options.output.join("fig12-weights"))?;
+    Ok(study)
+}
+
+/// `items` without those that came before.
+fn once<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    items.into_iter().fold(Vec::new(), |mut once, item| {
+        if !once.contains(&item) {
+            once.push(item);
+        }
+        once
+    })
+}
+
+/// One condition a kind is enough to see that all runs.
+const SKIPPED_BY_SMOKE: [Condition; 8] = [
+    Condition::Noise(0.005),
+    Condition::Noise(0.02),
+    Condition::Outliers(0.2),
+    Condition::Outliers(1.0),
+    Condition::Overlap(1.0),
+    Condition::Overlap(0.8),
+    Condition::Overlap(0.65),
+    Condition::Overlap(0.3),
+];

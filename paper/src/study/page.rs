@@ -1,0 +1,56 @@
+//! The report of the study of weight schemes: its curves, and the schemes by their standing.
+
+use std::path::Path;
+
+use super::Study;
+use cfreg::error::Result;
+use cfreg::report::listing::{Cell, Line, Listing};
+
+impl Study {
+    /// Writes a page into `folder`, `index.html`: the curves, and all finalists, those that are
+    /// worse than the paper's last.
+    ///
+    /// # Errors
+    /// Those of drawing and of writing.
+    pub fn write_page(&self, folder: &Path) -> Result<()> {
+        listing(self)?.write(folder)
+    }
+}
+
+fn listing(study: &Study) -> Result<Listing> {
+    let kinds: Vec<&'static str> = study
+        .standings
+        .first()
+        .map_or_else(Vec::new, |best| best.kinds.iter().map(|k| k.0).collect());
+    let columns = [&["scheme", "error over the paper's", "from", "to"][..], &kinds].concat();
+    let rows = study.standings.iter().map(|standing| {
+        let overall = standing.overall;
+        let numbers = [overall.value, overall.low, overall.high].into_iter();
+        let kinds = standing.kinds.iter().map(|(_, interval)| interval.value);
+        let cells = numbers.chain(kinds).map(|value| Cell::number(Some(value)));
+        let tone = match overall {
+            all if all.high < 1.0 => "good",
+            all if all.low > 1.0 => "bad",
+            _ => "unsure",
+        };
+        let name = Cell::text(&standing.scheme);
+        Line { tone, cells: std::iter::once(name).chain(cells).collect(), ..Line::default() }
+    });
+    let [few, many] = study.trials;
+    let mut listing = Listing {
+        title: "Weight schemes".into(),
+        lines: vec![format!(
+            "Errors of the rotation over those of the paper's scheme, below 1 where they are \
+             smaller, with the interval that holds 95 of 100 repetitions: {many} trials a \
+             condition, after a screening with {few}."
+        )],
+        columns,
+        rows: rows.collect(),
+        ..Listing::default()
+    };
+    listing.draw(
+        &study.figure(),
+        "The finalists against overlap, noise and outliers, and what the screening says.",
+    )?;
+    Ok(listing)
+}

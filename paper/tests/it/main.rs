@@ -1,0 +1,8 @@
+//! All tests of the laboratory from outside, in one binary.
+
+mod common;
+
+mod accuracy;
+mod paper;
+mod scaling;
+mod study;

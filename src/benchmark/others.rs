@@ -1,0 +1,197 @@
+//! Poses that other programs found, judged by the same rules.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use super::list::Table;
+use super::{Clouds, Pair, Row, Rule, Settings};
+use crate::cloud::Transform;
+use crate::error::{Error, Result};
+use crate::io::limited_file::GROWTH_FACTOR;
+use crate::io::quote_start;
+
+/// Most programs that are compared at once. Chosen by hand.
+const PROGRAMS: usize = 1000;
+
+/// What another program found.
+struct Answer {
+    method: String,
+    pose: Option<Transform>,
+    seconds: f64,
+    accepted: bool,
+}
+
+/// Poses that other programs found.
+#[derive(Default)]
+pub struct Poses {
+    /// By source and target.
+    found: HashMap<[PathBuf; 2], Vec<Answer>>,
+    /// Names of the programs, as they come.
+    methods: Vec<String>,
+}
+
+impl Poses {
+    /// Reads poses of pairs that are `listed`.
+    ///
+    /// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
+    /// `t00` to `t33` (source into target frame, of the clouds as they are in the files; empty
+    /// where there is no answer) and, if there is one, `seconds` and `accepted` (`true` or
+    /// `false`: whether the program takes its own answer; else it does).
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Parse`] with the line that cannot be understood, or the first one
+    /// whose pair is not listed: it would count nowhere.
+    pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<Poses> {
+        let listed: HashSet<[&Path; 2]> =
+            listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
+        let mut poses = Poses::default();
+        let (mut rows, mut strangers, mut first) = (0, 0, None);
+        let mut row = Table::open(path)?;
+        while row.next()? {
+            let names = ["source", "target"].map(|name| row.word(name));
+            let key = names.map(|name| folder.join(name));
+            rows += 1;
+            if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
+                let answer = Answer::of(&row)?;
+                let bytes = key.each_ref().map(|path| path.as_os_str().len()).iter().sum::<usize>();
+                row.take(GROWTH_FACTOR * size_of::<Answer>() + answer.method.len() + bytes)?;
+                if !poses.methods.contains(&answer.method) {
+                    if poses.methods.len() == PROGRAMS {
+                        return Err(row.wrong(format!("there are more than {PROGRAMS} methods")));
+                    }
+                    poses.methods.push(answer.method.clone());
+                }
+                poses.found.entry(key).or_default().push(answer);
+            } else {
+                strangers += 1;
+                first.get_or_insert_with(|| (row.line(), names.map(String::from)));
+            }
+        }
+        let Some((line, [source, target])) = first else { return Ok(poses) };
+        let what = format!(
+            "no listed pair has the source {source} and the target {target}; {strangers} of {rows} \
+             rows are of none: write names as the list does, relative to its folder, or leave such \
+             rows out"
+        );
+        Err(Error::parse(path, Some(line), what))
+    }
+
+    /// Those of `pairs` for which a program has no row, by its name, where there are any.
+    pub fn missing(&self, pairs: &[Pair]) -> Vec<(&str, usize)> {
+        let number = |method: &&str| pairs.iter().filter(|pair| !self.has(pair, method)).count();
+        let all = self.methods.iter().map(String::as_str);
+        all.map(|method| (method, number(&method))).filter(|(_, missing)| *missing > 0).collect()
+    }
+
+    fn of(&self, pair: &Pair) -> &[Answer] {
+        self.found.get(&[pair.source.clone(), pair.target.clone()]).map_or(&[], Vec::as_slice)
+    }
+
+    fn has(&self, pair: &Pair, method: &str) -> bool {
+        self.of(pair).iter().any(|answer| answer.method == method)
+    }
+
+    /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
+    /// be among them. A pair of which a program has no row is one that it failed on.
+    ///
+    /// # Errors
+    /// Those of reading clouds.
+    pub fn judge(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
+        let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
+        for pair in pairs {
+            let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
+            let rule =
+                settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
+            for answer in self.of(pair) {
+                let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
+                row.accepted = answer.accepted;
+                match &answer.pose {
+                    Some(pose) => row.compare(pose, pair, &source),
+                    None => row.error = "no pose".into(),
+                }
+                rows.push(row);
+            }
+            for method in self.methods.iter().filter(|method| !self.has(pair, method)) {
+                let row = Row::new(pair, method, rule, f64::NAN);
+                rows.push(Row { error: "no row among the poses".into(), ..row });
+            }
+        }
+        Ok(rows)
+    }
+}
+
+impl Answer {
+    fn of(row: &Table) -> Result<Answer> {
+        let pose = row.pose()?;
+        let accepted = match row.word("accepted") {
+            "" => pose.is_some(),
+            word => word.parse().map_err(|_| {
+                row.wrong(format!("accepted is {}: must be true or false", quote_start(word)))
+            })?,
+        };
+        let method = row.word("method").to_string();
+        Ok(Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::shape::boulder;
+    use crate::io;
+
+    #[test]
+    fn poses_of_others_are_judged_alike() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        io::write(at("a.ply"), &boulder().sample(300, 1).unwrap()).unwrap();
+        let pair = Pair {
+            dataset: "boulder".into(),
+            source: at("a.ply"),
+            target: at("b.ply"),
+            truth: Some(Transform::IDENTITY),
+            overlap: Some(1.0),
+            unit: 1.0,
+        };
+        // Listed, and left out of this run.
+        let unjudged = Pair { target: at("c.ply"), ..pair.clone() };
+        let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
+        let write = |rows: &str| {
+            let text =
+                format!("method,source,target,{},seconds,accepted\n{rows}", titles.join(","));
+            std::fs::write(at("poses.csv"), text).unwrap();
+            let pairs = [pair.clone(), unjudged.clone()];
+            let poses = Poses::read(&at("poses.csv"), folder.path(), &pairs)?;
+            // Whoever has no row of a pair has failed on it.
+            assert_eq!(poses.missing(&pairs[..1]), []);
+            let all = poses.judge(&pairs, Settings::default())?;
+            let failed = |row: &&Row| row.error == "no row among the poses";
+            let failed: Vec<_> = all.iter().filter(failed).map(|row| row.method.as_str()).collect();
+            assert_eq!(failed, ["far", "none"]);
+            assert_eq!(poses.missing(&pairs), [("far", 1), ("none", 1)]);
+            poses.judge(&pairs[..1], Settings::default())
+        };
+        let rows = write(
+            "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\
+             far,a.ply,b.ply,-1,0,0,0,0,-1,0,0,0,0,1,0,0,0,0,1,2,false\n\
+             none,a.ply,b.ply,,,,,,,,,,,,,,,,,1,\n\
+             near,a.ply,c.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
+        )
+        .unwrap();
+        let told: Vec<_> =
+            rows.iter().map(|row| (row.right, row.accepted, row.error.as_str())).collect();
+        assert_eq!(told, [(true, true, ""), (false, false, ""), (false, false, "no pose")]);
+        assert_eq!((rows[0].seconds, rows[1].rotation_deg), (0.5, Some(180.0)));
+        let said = write("x,a.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,maybe\n").unwrap_err();
+        assert!(said.to_string().contains("line 2: accepted is \"maybe\""), "{said}");
+        let said = write(
+            "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\
+             near,other.ply,b.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n\
+             near,b.ply,a.ply,1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1,1,\n",
+        )
+        .unwrap_err();
+        let named = "line 3: no listed pair has the source other.ply and the target b.ply";
+        assert!(said.to_string().contains(named), "{said}");
+        assert!(said.to_string().contains("2 of 3 rows"), "{said}");
+    }
+}
