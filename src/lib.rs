@@ -22,8 +22,6 @@ pub mod normals;
 pub mod par;
 pub mod pose;
 pub mod pose_graph;
-#[cfg(feature = "python")]
-mod python;
 #[cfg(feature = "report")]
 pub mod report;
 pub mod search;

@@ -20,7 +20,7 @@ const FLOORS: &[(u8, &[&str])] = &[
     (8, &["batch"]),
     (9, &["figure", "benchmark"]),
     (10, &["report"]),
-    (11, &["cli", "python"]),
+    (11, &["cli"]),
 ];
 const SIDEWAYS: &[(&str, &str)] = &[("math", "error"), ("par", "error"), ("descriptor", "normals")];
 

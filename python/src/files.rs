@@ -8,7 +8,7 @@ use super::any_cloud::AnyCloud;
 use super::cloud::PyCloud;
 use super::doorway::released;
 use super::foreign::BadRows;
-use crate::io;
+use cfreg::io;
 
 /// Reads a cloud from a file: PLY, PCD, XYZ, TXT or CSV, told apart by content.
 ///

@@ -14,10 +14,10 @@ use super::doorway::released;
 use super::errors::{count, exception, real, shown, whole};
 use super::foreign::{self, BadRows};
 use super::rows::Rows;
-use crate::cloud::{Parts, PointCloud as Cloud};
-use crate::error::Error;
-use crate::math::Vec3;
-use crate::{filter, search};
+use cfreg::cloud::{Parts, PointCloud as Cloud};
+use cfreg::error::Error;
+use cfreg::math::Vec3;
+use cfreg::{filter, search};
 
 /// Points, optionally with unit normals and the place they were seen from.
 ///

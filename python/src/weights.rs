@@ -13,10 +13,10 @@ use super::detached::detached;
 use super::doorway::Pool;
 use super::errors::{SettingError, ShapeError, about, exception, refused};
 use super::panics::caught;
-use crate::error::Result;
-use crate::moments::{FullConnection, Moments};
-use crate::par;
-use crate::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};
+use cfreg::error::Result;
+use cfreg::moments::{FullConnection, Moments};
+use cfreg::par;
+use cfreg::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};
 
 /// What weighs connections.
 pub(super) enum Weights {

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use pyo3::prelude::*;
 
 use super::panics::caught;
-use crate::par;
+use cfreg::par;
 
 /// Longest wait at exit: a Python function that sleeps cannot be ended.
 const LONGEST: Duration = Duration::from_secs(5);

@@ -8,8 +8,8 @@ use super::cloud::PyCloud;
 use super::doorway::released;
 use super::errors::ShapeError;
 use super::foreign::BadRows;
-use crate::cloud::PointCloud;
-use crate::io;
+use cfreg::cloud::PointCloud;
+use cfreg::io;
 
 /// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one, a file too.
 pub(super) enum AnyCloud<'py> {

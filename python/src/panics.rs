@@ -60,7 +60,7 @@ fn panic_for_tests(py: Python<'_>, place: &str) -> PyResult<()> {
             Ok(())
         }),
         "loop" => super::doorway::released(py, || {
-            crate::par::map(64, || (), |_, _| fail(place));
+            cfreg::par::map(64, || (), |_, _| fail(place));
             Ok(())
         }),
         "detached" => super::detached::detached(py, || fail(place)),

@@ -17,16 +17,16 @@ use super::foreign::BadRows;
 use super::panics::caught;
 use super::registration::to_json;
 use super::weights::{OwnWeights, Weights};
-use crate::cloud::{Descriptors, PointCloud};
-use crate::error::Error;
-use crate::math::Vec3;
-use crate::method::Cf;
-use crate::moments::{
+use cfreg::cloud::{Descriptors, PointCloud};
+use cfreg::error::Error;
+use cfreg::math::Vec3;
+use cfreg::method::Cf;
+use cfreg::moments::{
     FeatureView, FullConnection, Moments as Sums, WeightedPair, moments_of_pairs as sum_pairs,
 };
-use crate::par;
-use crate::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
-use crate::weight::{Bandwidth, Composite, Normalization};
+use cfreg::par;
+use cfreg::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
+use cfreg::weight::{Bandwidth, Composite, Normalization};
 
 /// Sums over all weighted pairs of source points p and target points q, about fixed
 /// origins: all that a closed form needs. Made by moments(); attributes are read-only.

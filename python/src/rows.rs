@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 
 use super::arrays::{as_array, interop};
 use super::errors::{Error, ShapeError, exception, shown};
-use crate::cloud::{Channels, ColorDepth, PointCloud};
+use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
 pub(super) struct Rows {

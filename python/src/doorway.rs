@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 use super::detached::{detached, ending};
 use super::errors::exception;
 use super::panics;
-use crate::error::{Error, Result};
-use crate::par::{self, Interrupt};
+use cfreg::error::{Error, Result};
+use cfreg::par::{self, Interrupt};
 
 /// How long a signal waits at most before it is looked at.
 const PATIENCE: Duration = Duration::from_millis(50);

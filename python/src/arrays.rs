@@ -14,9 +14,9 @@ use pyo3::sync::PyOnceLock;
 
 use super::detached::detached;
 use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite, shown};
-use crate::cloud::{Descriptors, Transform};
-use crate::error::Error as Failure;
-use crate::math::Vec3;
+use cfreg::cloud::{Descriptors, Transform};
+use cfreg::error::Error as Failure;
+use cfreg::math::Vec3;
 
 /// A table of numbers in row order that nobody else holds: float32 as it came, all else float64.
 pub(super) enum Table<'py> {

@@ -10,8 +10,8 @@ use super::cloud::PyCloud;
 use super::detached::detached;
 use super::errors::{ShapeError, about, exception};
 use super::rows::Rows;
-use crate::cloud::{Channels, ColorDepth, PointCloud};
-use crate::math::Vec3;
+use cfreg::cloud::{Channels, ColorDepth, PointCloud};
+use cfreg::math::Vec3;
 
 /// What becomes of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]

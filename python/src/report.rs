@@ -6,7 +6,7 @@ use pyo3::types::PyBytes;
 use super::any_cloud::AnyCloud;
 use super::doorway::released;
 use super::foreign::BadRows;
-use crate::report::Pair;
+use cfreg::report::Pair;
 
 /// The page of a result, given as JSON, and of the clouds that it is of.
 #[pyfunction]

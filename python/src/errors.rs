@@ -4,7 +4,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyOverflowError, PyValueE
 use pyo3::prelude::*;
 
 use super::arrays::interop;
-use crate::error::Error as Failure;
+use cfreg::error::Error as Failure;
 
 /// Most characters of a user's value in a message. Chosen by hand: a line of a terminal.
 const LONGEST_VALUE: usize = 80;

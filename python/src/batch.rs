@@ -16,14 +16,14 @@ use super::doorway::released;
 use super::errors::{exception, real, refused};
 use super::foreign::BadRows;
 use super::registration::{Named, Options, chain_of};
-use crate::batch::{
+use cfreg::batch::{
     self, Batch, Column, Downsampling, List, Row, RowGraph, Start, Summary, panics_go_to_rows,
 };
-use crate::cloud::ViewpointSource;
-use crate::error::Error;
-use crate::method::Pipeline;
-use crate::par::Interrupt;
-use crate::pose_graph::Tangent;
+use cfreg::cloud::ViewpointSource;
+use cfreg::error::Error;
+use cfreg::method::Pipeline;
+use cfreg::par::Interrupt;
+use cfreg::pose_graph::Tangent;
 
 /// How a list is run, as the package gives it in JSON.
 #[derive(Deserialize)]
@@ -47,7 +47,7 @@ impl Settings {
         serde_json::from_str(json).map_err(|error| refused("settings", error))
     }
 
-    fn put(&self, batch: &mut Batch<'_>) -> crate::Result<()> {
+    fn put(&self, batch: &mut Batch<'_>) -> cfreg::Result<()> {
         batch.threads = self.threads;
         batch.memory = self.memory;
         batch.times = self.times;

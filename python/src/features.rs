@@ -10,13 +10,13 @@ use super::arrays::{column_for, interop, place, table};
 use super::doorway::released;
 use super::errors::{about, count, exception, refused, shortened, shown, whole};
 use super::foreign::BadRows;
-use crate::cloud::PointCloud;
-use crate::descriptor::{self, BINS};
-use crate::error::{Error, Result};
-use crate::keypoint::Keypoints;
-use crate::method::FeatureConfig;
-use crate::normals::{self, Normals, Orientation};
-use crate::search::{Neighborhood, Neighbors};
+use cfreg::cloud::PointCloud;
+use cfreg::descriptor::{self, BINS};
+use cfreg::error::{Error, Result};
+use cfreg::keypoint::Keypoints;
+use cfreg::method::FeatureConfig;
+use cfreg::normals::{self, Normals, Orientation};
+use cfreg::search::{Neighborhood, Neighbors};
 
 /// Arrays (N, 3) and (N,).
 type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>);

@@ -16,12 +16,12 @@ use super::foreign::BadRows;
 use super::moments::index_pairs;
 use super::panics::caught;
 use super::weights::{OwnWeights, Weights};
-use crate::cloud::{PointCloud, Transform};
-use crate::error::{Error, Result};
-use crate::method::{Method, Pipeline, Register, Registration};
-use crate::pose::nearest_rotation;
-use crate::verify;
-use crate::weight::Normalization;
+use cfreg::cloud::{PointCloud, Transform};
+use cfreg::error::{Error, Result};
+use cfreg::method::{Method, Pipeline, Register, Registration};
+use cfreg::pose::nearest_rotation;
+use cfreg::verify;
+use cfreg::weight::Normalization;
 
 /// Name and settings, as a JSON object.
 pub(super) type Named = (String, String);
