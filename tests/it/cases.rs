@@ -6,9 +6,9 @@ use crate::common;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use assert_cmd::Command;
 use cfreg::{io, verify};
 use serde_json::Value;
+use std::process::Command;
 
 /// The folder of one kind, or `None` after a line that says why.
 fn case(name: &str) -> Option<PathBuf> {
@@ -21,7 +21,7 @@ fn case(name: &str) -> Option<PathBuf> {
 }
 
 fn cfreg(folder: &Path, line: &str) -> Output {
-    let mut command = Command::cargo_bin("cfreg").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg"));
     command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
 }
 

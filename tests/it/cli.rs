@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
 use serde_json::Value;
+use std::process::Command;
 use tempfile::TempDir;
 
 fn cfreg(folder: &Path, line: &str) -> Output {
-    let mut command = Command::cargo_bin("cfreg").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg"));
     command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
 }
 

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::process::{Output, Stdio};
 
-use assert_cmd::Command;
+use std::process::Command;
 use tempfile::tempdir;
 
 fn cfreg(folder: &Path, line: &str) -> Output {
-    let mut command = Command::cargo_bin("cfreg").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg"));
     command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
 }
 

@@ -3,16 +3,16 @@
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
 use cfreg::cloud::shape::boulder;
 use cfreg::{Channels, PointCloud, Transform, io};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+use std::process::Command;
 use tempfile::TempDir;
 
 fn cfreg(folder: &Path, line: &str) -> Output {
-    let mut command = Command::cargo_bin("cfreg").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg"));
     command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
 }
 

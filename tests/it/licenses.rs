@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
+use std::process::Command;
 
 /// Crates that `Cargo.lock` lists for features of other crates that nothing here turns on:
 /// `cargo tree --all-features --target all --invert NAME` finds none of them.
@@ -130,7 +130,7 @@ fn wheels_have_the_notice() {
 
 #[test]
 fn the_command_line_prints_the_notice() {
-    let output = Command::cargo_bin("cfreg").unwrap().arg("licenses").output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_cfreg")).arg("licenses").output().unwrap();
     assert!(output.status.success());
     assert_eq!(String::from_utf8(output.stdout).unwrap(), read("THIRD-PARTY.txt"));
 }

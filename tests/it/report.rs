@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
 use serde_json::Value;
+use std::process::Command;
 use tempfile::TempDir;
 
 fn cfreg(folder: &Path, words: &[&str]) -> Output {
-    Command::cargo_bin("cfreg").unwrap().current_dir(folder).args(words).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_cfreg")).current_dir(folder).args(words).output().unwrap()
 }
 
 fn line(folder: &Path, line: &str) -> Output {

@@ -5,9 +5,9 @@ use crate::common;
 use std::cell::Cell;
 use std::fs;
 
-use assert_cmd::Command;
 use cfreg::Error;
 use cfreg_paper::scaling::{Limit, METHODS, Meter, Options, Run, run};
+use std::process::Command;
 
 #[test]
 fn the_smoke_run_measures_every_method_and_is_not_made_again() {
@@ -15,11 +15,13 @@ fn the_smoke_run_measures_every_method_and_is_not_made_again() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path();
     let command = || {
-        let mut command = Command::cargo_bin("cfreg-paper").unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg-paper"));
         command.args(["reproduce", "--only", "scaling", "--smoke"]);
-        command.arg("--data").arg(&data).arg("--output").arg(output).assert().success()
+        command.arg("--data").arg(&data).arg("--output").arg(output).output().unwrap()
     };
-    let printed = command().get_output().stdout.clone();
+    let done = command();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let printed = done.stdout;
     let names: Vec<_> =
         fs::read_dir(output).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(names.len(), 4, "{names:?}");
