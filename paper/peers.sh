@@ -2,7 +2,7 @@
 # Methods that the paper does not have, on the very trials of its Tables I and II: builds
 # cfreg, writes the trials' pairs, installs the peers, registers. The table comes to
 # paper/results/peers.md, trials to paper/results/peers/; rows of this crate's methods are
-# in it when `cfreg reproduce` has run before. With --smoke two trials a cell, to paper/smoke.
+# in it when `cfreg-paper reproduce` has run before. With --smoke two trials a cell, to paper/smoke.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 case "$*" in
@@ -10,10 +10,10 @@ case "$*" in
     --smoke) results="$PWD/paper/smoke" ;;
     *) echo "usage: paper/peers.sh [--smoke]" >&2 && exit 2 ;;
 esac
-cargo build --release --quiet
+cargo build --release --quiet -p cfreg-paper
 pairs="$(mktemp -d)"
 trap 'rm -rf "$pairs"' EXIT
-"${CARGO_TARGET_DIR:-target}/release/cfreg" reproduce --pairs "$pairs" "$@"
+"${CARGO_TARGET_DIR:-target}/release/cfreg-paper" reproduce --pairs "$pairs" "$@"
 source python-ref/environment.sh python-ref/requirements-peers.txt
 cd python-ref
 "$python" -m paper_peers "$pairs" "$results" "$@"

@@ -12,5 +12,5 @@ source pcl/install.sh
 every="${BENCHMARK_EVERY:-1}"
 poses="../target/benchmark-poses-$every.csv"
 "$python" benchmark_peers.py "$folder/pairs.csv" --origin --every "$every" --output "$poses"
-cargo run --quiet --release --manifest-path ../Cargo.toml -- benchmark "$folder/pairs.csv" \
+cargo run --quiet --release --manifest-path ../Cargo.toml --features cli --features cli -- benchmark "$folder/pairs.csv" \
     --viewpoints origin --every "$every" --poses "$poses" "$@"

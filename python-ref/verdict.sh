@@ -11,7 +11,7 @@ source environment.sh
 candidates=()
 for viewpoints in origin none; do
     candidates+=("../target/verdict-$viewpoints.csv")
-    cargo run --quiet --release --manifest-path ../Cargo.toml -- benchmark "$folder/pairs.csv" \
+    cargo run --quiet --release --manifest-path ../Cargo.toml --features cli --features cli -- benchmark "$folder/pairs.csv" \
         ../data/unrelated.csv --folder "$folder" --viewpoints "$viewpoints" \
         --every "${VERDICT_EVERY:-1}" --candidates "${candidates[-1]}" >&2
 done

@@ -20,7 +20,7 @@ else
 fi
 if cargo clippy --version >/dev/null 2>&1; then
     step "lints"
-    cargo clippy --all-targets --features python --quiet -- -D warnings
+    cargo clippy --workspace --all-targets --features cli --quiet -- -D warnings
 else
     step "lints: skipped, clippy is not installed"
 fi
@@ -33,8 +33,12 @@ environment
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" golden.py --check)
 
+step "build"
+# As maturin builds the extension: then both share all that is compiled.
+export PYO3_BUILD_EXTENSION_MODULE=1
+cargo test --workspace --features cli --no-run
+
 step "the Python package, and beside it 50 digits, the reference and Open3D"
-# The profile of the tests: their dependencies are compiled once for both.
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
 "$python" -m unittest discover tests/python
 (cd python-ref && "$python" compare.py)
@@ -52,8 +56,8 @@ step "peers that the paper does not have, in small"
 step "the data folder"
 "$python" -m unittest discover data
 
-step "the crate"
-cargo test
+step "the crates"
+cargo test --workspace --features cli
 
 step "its pages in a browser"
 if [ ! -x /usr/bin/chromedriver ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
@@ -71,7 +75,7 @@ step "the paper's experiments, in small"
 scans="${CFREG_DATA:-$PWD/../shared/data}"
 if [ -d "$scans" ]; then
     rm -rf target/smoke
-    cargo run --quiet -- reproduce --smoke --data "$scans" --output target/smoke >/dev/null
+    cargo run --quiet --package cfreg-paper -- reproduce --smoke --data "$scans" --output target/smoke >/dev/null
 else
     echo "skipped: neither \$CFREG_DATA nor ../shared/data is there"
 fi

@@ -2,7 +2,7 @@
 //! processes, files that go away, signals, pipes that are closed. Nothing that was done is lost,
 //! nothing half done is taken for done, and what went wrong is said.
 //!
-//! `cargo test --test faults -- --nocapture` prints what was survived.
+//! `cargo test --features cli --test faults -- --nocapture` prints what was survived.
 #![cfg(target_os = "linux")]
 
 use std::fs;

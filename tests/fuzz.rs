@@ -1,7 +1,7 @@
 //! The fuzz targets without a fuzzer: seeds, and what becomes of them by changes drawn at random,
 //! the same in every run. Long runs with a fuzzer are those of `fuzz/run.sh`.
 //!
-//! `cargo test --test fuzz -- --nocapture` prints how many inputs each target has got, and
+//! `cargo test --features cli --test fuzz -- --nocapture` prints how many inputs each target has got, and
 //! `FUZZ_TIMES=20` before it makes that twenty times as many.
 #![cfg(unix)]
 

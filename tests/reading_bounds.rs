@@ -1,7 +1,7 @@
 //! Reading takes memory of about ten times the file at most, and time that grows with it, whatever
 //! the file says of itself. A process of its own, for its memory is counted.
 //!
-//! `cargo test --test reading_bounds -- --nocapture` prints memory and times.
+//! `cargo test --features cli --test reading_bounds -- --nocapture` prints memory and times.
 #![cfg(feature = "cli")]
 
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Ten thousand matches, nearly all wrong, in under 1 GB. A process of its own, for the
 //! peak is the process's.
 //!
-//! `cargo test --release --test teaser_memory -- --nocapture` prints memory and times.
+//! `cargo test --release --features cli --test teaser_memory -- --nocapture` prints memory and times.
 
 use cfreg::cloud::shape::boulder;
 use cfreg::method::Teaser;

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the report from the results of `cfreg reproduce`: build.sh [OUTPUT.pdf]. Needs Python
+# Makes the report from the results of `cfreg-paper reproduce`: build.sh [OUTPUT.pdf]. Needs Python
 # 3.11; installs the typesetter into target/report.
 set -euo pipefail
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"

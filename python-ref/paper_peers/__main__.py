@@ -1,11 +1,11 @@
 """Register the trials of the paper's Tables I and II by methods that it does not have.
 
-    cfreg reproduce --pairs PAIRS --output RESULTS && python -m paper_peers PAIRS RESULTS
+    cfreg-paper reproduce --pairs PAIRS --output RESULTS && python -m paper_peers PAIRS RESULTS
     python -m paper_peers --smoke          two trials each, of a procedural relief, which all
                                            must find
 
 Writes every trial to RESULTS/peers/ and RESULTS/peers.md, a table of them beside this
-crate's methods, whose trials are in RESULTS/trials/ once `cfreg reproduce` has run.
+crate's methods, whose trials are in RESULTS/trials/ once `cfreg-paper reproduce` has run.
 """
 
 import os

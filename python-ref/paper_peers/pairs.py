@@ -1,4 +1,4 @@
-"""The pairs of the trials, as `cfreg reproduce --pairs` writes them, or small ones of a
+"""The pairs of the trials, as `cfreg-paper reproduce --pairs` writes them, or small ones of a
 procedural relief where it has not."""
 
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ use super::verdict::{Decision, Verdict};
 /// Agreement beyond chance below which a pose is doubted.
 ///
 /// Measured on 60 real pairs of seven kinds, moved at random and registered with and
-/// without dual softmax (`cargo test --release --test it trust -- --nocapture`): of the poses
+/// without dual softmax (`cargo test --release --features cli --test it trust -- --nocapture`): of the poses
 /// off by more than 20°, none of 90 reached 0.3 with clouds of 2,000 points (the most was
 /// 0.18), none of 92 with 1,000 (0.26), and 3 of 104 with 500, where the inlier distance is
 /// coarse. The true poses reach 0.58 in the median, those that one step finds 0.33: doubt
@@ -26,7 +26,7 @@ pub const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.3;
 /// clouds of 500 points (the most was 0.59, by Kernel Correlation), none of 574 with 1,000
 /// (0.52), none of 244 with 2,000 (0.33). Right poses reach 0.7 in the median, and a fifth
 /// of them, of little overlap, stay below. A smaller run of the same is
-/// `cargo test --release --test it trust::wrong_optima -- --nocapture`.
+/// `cargo test --release --features cli --test it trust::wrong_optima -- --nocapture`.
 pub const MIN_CHANCE_CORRECTED_FITNESS_LOCAL: f64 = 0.6;
 /// Fitness of wrong rotations above which a pose without a verdict is doubted: agreement beyond
 /// chance tells little where chance is high.

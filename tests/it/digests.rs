@@ -8,7 +8,7 @@
 //! Bits depend on the widest vector instructions and on the mathematical library of the system, which
 //! the first line of the file names. Elsewhere decisions and poses are compared, within `TOLERANCE`.
 //!
-//! `CFREG_UPDATE_DIGESTS=1 cargo test --test it digests` writes the file anew. A change of it
+//! `CFREG_UPDATE_DIGESTS=1 cargo test --features cli --test it digests` writes the file anew. A change of it
 //! takes a line NUMBERS in CHANGELOG.md.
 
 use std::collections::BTreeMap;

@@ -53,23 +53,26 @@ fn locked() -> BTreeMap<(String, String), Vec<String>> {
     packages.collect()
 }
 
-/// Crates that `[dependencies]` of `Cargo.toml` needs, on whatever platform, with those that
+/// Crates that the program and the Python extension need by `[dependencies]` of their manifests, on whatever platform, with those that
 /// these need in turn.
 fn needed() -> Crates {
-    let manifest = read("Cargo.toml");
-    let (_, table) = manifest.split_once("\n[dependencies]\n").unwrap();
-    let own: BTreeSet<&str> = table
-        .split("\n[")
-        .next()
-        .unwrap()
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .filter_map(|line| line.split_once(" = ").map(|(name, _)| name))
-        .collect();
     let locked = locked();
-    let root = locked.iter().find(|((name, _), _)| name == "cfreg").unwrap().1;
-    let named = |need: &&String| own.contains(need.split(' ').next().unwrap());
-    let mut todo: Vec<&String> = root.iter().filter(named).collect();
+    let mut todo: Vec<&String> = Vec::new();
+    for (package, manifest) in [("cfreg", "Cargo.toml"), ("cfreg-python", "python/Cargo.toml")] {
+        let manifest = read(manifest);
+        let (_, table) = manifest.split_once("\n[dependencies]\n").unwrap();
+        let own: BTreeSet<&str> = table
+            .split("\n[")
+            .next()
+            .unwrap()
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .filter_map(|line| line.split_once(" = ").map(|(name, _)| name))
+            .filter(|name| *name != "cfreg")
+            .collect();
+        let needs = locked.iter().find(|((name, _), _)| name == package).unwrap().1;
+        todo.extend(needs.iter().filter(|need| own.contains(need.split(' ').next().unwrap())));
+    }
     let mut found = Crates::new();
     while let Some(need) = todo.pop() {
         let mut words = need.split(' ');

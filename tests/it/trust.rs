@@ -1,6 +1,6 @@
 //! Is a wrong pose ever trusted? Real pairs of every kind, moved apart at random.
 //!
-//! `cargo test --release --test it trust -- --nocapture` prints the figures.
+//! `cargo test --release --features cli --test it trust -- --nocapture` prints the figures.
 
 use crate::common;
 

@@ -109,7 +109,7 @@ proptest! {
 #[test]
 #[cfg_attr(
     debug_assertions,
-    ignore = "unoptimised: slow; cargo test --release --test it verdict_equivariance"
+    ignore = "unoptimised: slow; cargo test --release --features cli --test it verdict_equivariance"
 )]
 fn motions_of_real_pairs() {
     let Some(folder) = common::shared_data() else { return };

@@ -25,7 +25,7 @@ const FROZEN_ITERATIONS: u32 = 3;
 /// Agreement beyond chance below which a pose is doubted, more than is asked of other
 /// methods: of 105 wrong optima from rotations of 60° to 180° the best agrees by 0.58
 /// (by 0.60 with `min_sigma` 0.055), of 15 right ones the worst by 0.82
-/// (`cargo test --test it dare::wrong_optima -- --nocapture`).
+/// (`cargo test --features cli --test it dare::wrong_optima -- --nocapture`).
 pub(super) const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.65;
 
 /// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and
