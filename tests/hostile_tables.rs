@@ -419,7 +419,7 @@ fn wide_tables_take_linear_time() {
     List::read(&folder.path().join("list.csv"), Path::new("")).unwrap();
     assert_eq!(results::read(&folder.path().join("rows.csv")).unwrap().len(), 20);
     assert_eq!(results::read(&folder.path().join("rows.jsonl")).unwrap().len(), 10);
-    cfreg::batch::Places::read(&folder.path().join("places.csv")).unwrap();
+    cfreg::batch::ScanPositions::read(&folder.path().join("places.csv")).unwrap();
     cfreg::benchmark::list::read(&folder.path().join("known.csv"), Path::new("")).unwrap();
     println!("five wide tables: {:?}", start.elapsed());
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use cfreg::batch::{List, Places, Row, RowGraph, results, within};
+use cfreg::batch::{List, Row, RowGraph, ScanPositions, radius_pairs, results};
 use cfreg::benchmark::{Poses, list as listed};
 use cfreg::pose_graph::Tangent;
-use cfreg::report::Kept;
+use cfreg::report::SavedResult;
 use cfreg::{Error, PointCloud, Transform, io};
 
 use super::door;
@@ -147,11 +147,11 @@ pub fn list(data: &[u8]) {
         let back = List::read(&again, list.folder()).expect("what was written is a list");
         assert_eq!(back, list);
     }
-    let read = bounded(data.len(), TABLES, || Places::read(&path));
+    let read = bounded(data.len(), TABLES, || ScanPositions::read(&path));
     if let Some(places) = heard(read, Some(&path)) {
-        let Places { names, places } = places;
+        let ScanPositions { names, places } = places;
         assert!(names.len() == places.len() && names.iter().all(|name| !name.is_empty()));
-        let pairs = within(&places, 1.0).expect("places that were read are finite");
+        let pairs = radius_pairs(&places, 1.0).expect("places that were read are finite");
         assert!(pairs.iter().all(|[a, b]| b < a && *a < places.len()));
     }
 }
@@ -209,7 +209,8 @@ fn graph(rows: &[Row]) {
 /// What `cfreg register --json` prints, read for a report.
 pub fn report(data: &[u8]) {
     let path = door::file("result.json", data);
-    let Some(kept) = heard(bounded(data.len(), TABLES, || Kept::read(&path)), Some(&path)) else {
+    let Some(kept) = heard(bounded(data.len(), TABLES, || SavedResult::read(&path)), Some(&path))
+    else {
         return;
     };
     heard(kept.files(), None);

@@ -9,13 +9,13 @@
 #![warn(missing_docs)]
 
 pub mod accuracy;
+mod csv_cache;
 pub mod experiments;
 mod files;
 mod model;
 mod motion;
 pub mod protocol;
 pub mod scaling;
-mod sheet;
 mod spread;
 pub mod study;
 mod views;

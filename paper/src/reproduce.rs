@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 use super::{print, progress, say};
 use cfreg::error::Result;
 use cfreg::par;
-use cfreg_paper::experiments::{self, Options, Part, cell::Test, models, readings, tables};
+use cfreg_paper::experiments::{self, Options, Part, cell::Test, interpretations, models, tables};
 use cfreg_paper::scaling::{self, Meter};
 use cfreg_paper::study;
 
@@ -111,7 +111,7 @@ impl Reproduce {
         bar.finish_and_clear();
         complain(&done.left_out);
         match options.only {
-            Some(Part::Readings) => print(&readings::markdown(&done.results)),
+            Some(Part::Readings) => print(&interpretations::markdown(&done.results)),
             _ => print(&tables::markdown(&done.results)),
         }
     }

@@ -10,7 +10,7 @@
 
 `register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFK`, `TEASER`,
 `ICP`, `KC`, `CPD` and `DARE` are its methods as objects. `read`, `write` and `PointCloud` hold
-clouds; `evaluate` looks at a pose, `judge` tells whether it is right.
+clouds; `evaluate` measures a pose, `verify` tells whether it is right.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -65,19 +65,19 @@ from .methods import (
     TEASER,
     Consensus,
     Method,
-    judge,
     method,
     register,
+    verify,
 )
 from .prior import Prior
 from .results import (
-    Doubt,
     Evaluation,
-    Judgement,
+    EvaluationReport,
     PoseCovariance,
+    PoseError,
+    PoseWarning,
     Registration,
     RunnerUp,
-    TruthError,
     Verdict,
     evaluate,
 )
@@ -91,14 +91,13 @@ __all__ = [
     "Consensus",
     "DARE",
     "DegenerateError",
-    "Doubt",
     "Error",
     "Evaluation",
+    "EvaluationReport",
     "ExtentError",
     "FileFormatError",
     "ICP",
     "InternalError",
-    "Judgement",
     "KC",
     "METHODS",
     "Method",
@@ -107,6 +106,8 @@ __all__ = [
     "NonFiniteError",
     "PointCloud",
     "PoseCovariance",
+    "PoseError",
+    "PoseWarning",
     "Prior",
     "Registration",
     "RegistrationError",
@@ -115,13 +116,11 @@ __all__ = [
     "ShapeError",
     "TEASER",
     "TooFewPointsError",
-    "TruthError",
     "Verdict",
     "__version__",
     "estimate_normals",
     "evaluate",
     "fpfh",
-    "judge",
     "keypoints",
     "method",
     "moments",
@@ -132,6 +131,25 @@ __all__ = [
     "register",
     "register_batch",
     "solve",
+    "verify",
     "weights",
     "write",
 ]
+
+_OLD_NAMES = {
+    "Doubt": "PoseWarning",
+    "Judgement": "EvaluationReport",
+    "TruthError": "PoseError",
+    "judge": "verify",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Names of an earlier release, with a warning."""
+    if name in _OLD_NAMES:
+        import warnings
+
+        new = _OLD_NAMES[name]
+        warnings.warn(f"cfreg.{name} is now cfreg.{new}", DeprecationWarning, stacklevel=2)
+        return globals()[new]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -17,7 +17,7 @@ from . import _interop, _native
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["Doubt", "Evaluation", "PoseCovariance", "Registration", "RunnerUp", "TruthError", "Verdict", "evaluate"]
+__all__ = ["PoseWarning", "Evaluation", "PoseCovariance", "Registration", "RunnerUp", "PoseError", "Verdict", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class TruthError:
+class PoseError:
     """How far a pose is from the true one.
 
     rotation_deg : angle between the rotations, degrees
@@ -61,13 +61,13 @@ class TruthError:
 
 
 @dataclass(frozen=True)
-class Judgement(Evaluation):
+class EvaluationReport(Evaluation):
     """An Evaluation, and the error against the truth where that was given.
 
-    truth : TruthError, or None
+    truth : PoseError, or None
     """
 
-    truth: TruthError | None = None
+    truth: PoseError | None = None
 
 
 def evaluate(
@@ -76,7 +76,7 @@ def evaluate(
     transform: npt.ArrayLike,
     max_distance: float | None = None,
     truth: npt.ArrayLike | None = None,
-) -> Judgement:
+) -> EvaluationReport:
     """Look at the clouds under a pose, whoever found it.
 
     Parameters
@@ -89,7 +89,7 @@ def evaluate(
 
     Returns
     -------
-    Judgement : fitness, inlier_rmse and more; `truth` has the errors of the pose
+    EvaluationReport : fitness, inlier_rmse and more; `truth` has the errors of the pose
 
     Raises
     ------
@@ -106,11 +106,11 @@ def evaluate(
     found = json.loads(_native.evaluate(source, target, transform, max_distance, truth))
     error = found.pop("truth")
     evaluation = Evaluation._of(found)
-    return Judgement(**vars(evaluation), truth=None if error is None else TruthError(**error))
+    return EvaluationReport(**vars(evaluation), truth=None if error is None else PoseError(**error))
 
 
 @dataclass(frozen=True)
-class Doubt:
+class PoseWarning:
     """A ground to doubt a pose.
 
     ground : its name: "low-agreement", "weak-rotation", "not-converged" and others
@@ -123,7 +123,7 @@ class Doubt:
     facts: dict[str, float]
 
     @classmethod
-    def _of(cls, facts: dict[str, Any]) -> Doubt:
+    def _of(cls, facts: dict[str, Any]) -> PoseWarning:
         rest = {name: fact for name, fact in facts.items() if name not in ("ground", "message")}
         return cls(facts["ground"], facts["message"], rest)
 
@@ -217,8 +217,8 @@ class Registration:
     transform : (4, 4) float64, read-only, T_target_source: maps source points into the
         target's frame, in the unit of the target
     method : name of the method
-    trusted : whether nothing speaks against the pose
-    doubts : what does, Doubt each
+    trusted : whether there is no warning
+    warnings : PoseWarning each, empty for a pose that may be trusted; `doubts` in JSON
     verdict : Verdict on the pose that is returned; None where it was left out (verdict=False) or
         could not be had
     evaluation : Evaluation of the clouds under the pose
@@ -243,7 +243,7 @@ class Registration:
     transform: npt.NDArray[np.float64]
     method: str
     trusted: bool
-    doubts: tuple[Doubt, ...]
+    warnings: tuple[PoseWarning, ...]
     verdict: Verdict | None
     evaluation: Evaluation
     weighted_rms: float
@@ -289,7 +289,7 @@ class Registration:
         vars(self).update(
             {name: facts[name] for name in same},
             transform=transform,
-            doubts=tuple(Doubt._of(doubt) for doubt in facts["doubts"]),
+            warnings=tuple(PoseWarning._of(warning) for warning in facts["doubts"]),
             verdict=Verdict._of(facts["verdict"]) if facts.get("verdict") else None,
             evaluation=Evaluation._of(facts["evaluation"]),
             beta=facts.get("beta"),
@@ -304,6 +304,36 @@ class Registration:
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{name}: a registration cannot be changed")
+
+    @property
+    def doubts(self) -> tuple[PoseWarning, ...]:
+        """The warnings, by their name in JSON."""
+        return self.warnings
+
+    @property
+    def transformation(self) -> npt.NDArray[np.float64]:
+        """The transform, by its name in Open3D."""
+        return self.transform
+
+    @property
+    def fitness(self) -> float:
+        """Share of the source points with a target point within `evaluation.max_distance`."""
+        return self.evaluation.fitness
+
+    @property
+    def inlier_rmse(self) -> float:
+        """Root mean square distance of the pairs in `fitness`, in the target's unit."""
+        return self.evaluation.inlier_rmse
+
+    @property
+    def probability(self) -> float | None:
+        """Probability that the pose is right; None without a verdict."""
+        return None if self.verdict is None else self.verdict.probability
+
+    def inverse(self) -> npt.NDArray[np.float64]:
+        """(4, 4), maps target points into the frame of the source."""
+        inverse: npt.NDArray[np.float64] = np.linalg.inv(self.transform)
+        return inverse
 
     @property
     def scale(self) -> float:
@@ -391,16 +421,20 @@ class Registration:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        verdict = "trusted" if self.trusted else "doubted: " + ", ".join(d.ground for d in self.doubts)
+        grounds = ", ".join(warning.ground for warning in self.warnings)
+        verdict = "trusted" if self.trusted else f"not trusted: {grounds}"
+        if self.verdict is not None:
+            verdict = f"{self.verdict.decision}, probability {self.verdict.probability:.3f}"
+            verdict += "" if self.trusted else f", not trusted: {grounds}"
         t = ", ".join(f"{x:.4g}" for x in self.translation)
         return (
-            f"Registration({self.method}, {verdict}, turned by {self.angle_deg:.2f} deg, "
-            f"moved by [{t}], fitness {self.evaluation.fitness:.3f}, "
-            f"agreement {self.evaluation.agreement:.2f}, {self.seconds['total']:.3g} s)"
+            f"Registration({verdict}, {self.method}, rotation {self.angle_deg:.2f} deg, "
+            f"translation [{t}], fitness {self.evaluation.fitness:.3f}, "
+            f"{self.seconds['total']:.3g} s)"
         )
 
     def __str__(self) -> str:
-        lines = [repr(self), *(f"  {doubt}" for doubt in self.doubts)]
+        lines = [repr(self), *(f"  {warning}" for warning in self.warnings)]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -415,7 +449,7 @@ class Registration:
         rows = {
             "method": self.method,
             "verdict": _told(self.verdict, self.trusted),
-            **{f"doubt: {doubt.ground}": str(doubt) for doubt in self.doubts},
+            **{f"warning: {warning.ground}": str(warning) for warning in self.warnings},
             "rotation": f"{self.angle_deg:.3f} deg",
             "fitness": f"{evaluation.fitness:.3f} of the source, {evaluation.target_fitness:.3f} "
             f"of the target within {evaluation.max_distance:.4g}",

@@ -12,8 +12,8 @@ use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
-use super::detached::detached;
 use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite, shown};
+use super::shutdown::detached;
 use cfreg::cloud::{Descriptors, Transform};
 use cfreg::error::Error as Failure;
 use cfreg::math::Vec3;

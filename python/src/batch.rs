@@ -11,13 +11,13 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
 
-use super::any_cloud::AnyCloud;
-use super::doorway::released;
+use super::cloud_arg::AnyCloud;
 use super::errors::{exception, real, refused};
-use super::foreign::BadRows;
+use super::gil::released;
+use super::interop::BadRows;
 use super::registration::{Named, Options, chain_of};
 use cfreg::batch::{
-    self, Batch, Column, Downsampling, List, Row, RowGraph, Start, Summary, panics_go_to_rows,
+    self, Batch, Column, Downsampling, List, Row, RowGraph, Start, Summary, install_panic_hook,
 };
 use cfreg::cloud::ViewpointSource;
 use cfreg::error::Error;
@@ -119,7 +119,7 @@ pub(super) fn register_batch(
             List::read(path, folder.as_deref().unwrap_or(own))
         }
     })?;
-    panics_go_to_rows();
+    install_panic_hook();
     let follower =
         Follower { call: progress, interrupt: batch.interrupt.clone(), raised: Mutex::default() };
     let found = released(py, || match &output {
@@ -196,7 +196,7 @@ pub(super) fn write_g2o(
 /// Pairs of each of `count` scans with those that many before it.
 #[pyfunction]
 pub(super) fn consecutive(count: usize, steps: Vec<usize>) -> PyResult<Vec<(usize, usize)>> {
-    let pairs = batch::consecutive(count, &steps).map_err(exception)?;
+    let pairs = batch::sequential_pairs(count, &steps).map_err(exception)?;
     Ok(pairs.into_iter().map(Into::into).collect())
 }
 
@@ -207,7 +207,7 @@ pub(super) fn within(
     places: Vec<[f64; 3]>,
     #[pyo3(from_py_with = real)] radius: f64,
 ) -> PyResult<Vec<(usize, usize)>> {
-    let pairs = released(py, || batch::within(&places, radius))?;
+    let pairs = released(py, || batch::radius_pairs(&places, radius))?;
     Ok(pairs.into_iter().map(Into::into).collect())
 }
 

@@ -9,11 +9,11 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
 
 use super::arrays::{Table, interop, place, pose, read_only, table};
-use super::detached::detached;
-use super::doorway::released;
 use super::errors::{count, exception, real, shown, whole};
-use super::foreign::{self, BadRows};
+use super::gil::released;
+use super::interop::{self, BadRows};
 use super::rows::Rows;
+use super::shutdown::detached;
 use cfreg::cloud::{Parts, PointCloud as Cloud};
 use cfreg::error::Error;
 use cfreg::math::Vec3;
@@ -77,7 +77,7 @@ impl PyCloud {
         normals: Option<&Bound<'py, PyAny>>,
         bad_rows: BadRows,
     ) -> PyResult<Cloud> {
-        let cloud = foreign::read(any, name, normals, bad_rows)?;
+        let cloud = interop::read(any, name, normals, bad_rows)?;
         let Ok(given) = any.cast::<PyCloud>() else { return Ok(cloud) };
         // All else that the other one has.
         let given = &given.get().cloud;

@@ -5,11 +5,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
-use super::any_cloud::AnyCloud;
 use super::arrays::{column_for, interop, place, table};
-use super::doorway::released;
+use super::cloud_arg::AnyCloud;
 use super::errors::{about, count, exception, refused, shortened, shown, whole};
-use super::foreign::BadRows;
+use super::gil::released;
+use super::interop::BadRows;
 use cfreg::cloud::PointCloud;
 use cfreg::descriptor::{self, BINS};
 use cfreg::error::{Error, Result};

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 
-use super::any_cloud::AnyCloud;
 use super::cloud::PyCloud;
-use super::doorway::released;
-use super::foreign::BadRows;
+use super::cloud_arg::AnyCloud;
+use super::gil::released;
+use super::interop::BadRows;
 use cfreg::io;
 
 /// Reads a cloud from a file: PLY, PCD, XYZ, TXT or CSV, told apart by content.

@@ -5,30 +5,30 @@
 //! moments and the calls of long work, there the methods, weights and results by their
 //! names in Python, and what is known of other libraries.
 //!
-//! [`arrays`] turns arrays into numbers and back, [`foreign`] arrays and the clouds of other
-//! libraries into clouds, [`any_cloud`] whatever stands for one; [`doorway`] is the one way into
-//! long work: there the interpreter is released and signals are looked after; [`detached`] sees to
+//! [`arrays`] turns arrays into numbers and back, [`interop`] arrays and the clouds of other
+//! libraries into clouds, [`cloud_arg`] whatever stands for one; [`gil`] is the one way into
+//! long work: there the interpreter is released and signals are looked after; [`shutdown`] sees to
 //! it that what goes on without the interpreter outlives it in peace; [`errors`] makes exceptions
 //! of the crate's errors, [`panics`] of its panics.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
 //! for `help()`; the module's tests compare them with those of the Rust structs.
 
-mod any_cloud;
 mod arrays;
 mod batch;
 mod cloud;
-mod detached;
-mod doorway;
+mod cloud_arg;
 mod errors;
 mod features;
 mod files;
-mod foreign;
+mod gil;
+mod interop;
 mod moments;
 mod panics;
 mod registration;
 mod report;
 mod rows;
+mod shutdown;
 mod weights;
 
 /// The compiled part of cfreg.
@@ -67,6 +67,6 @@ mod _native {
         super::panics::note_places();
         #[cfg(debug_assertions)]
         super::panics::register(module)?;
-        super::detached::register(module)
+        super::shutdown::register(module)
     }
 }

@@ -6,16 +6,16 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::any_cloud::AnyCloud;
 use super::arrays::{as_array, column_for, descriptors, pose, read_only, table, table_for};
-use super::detached::detached;
-use super::doorway::{released, released_on};
+use super::cloud_arg::AnyCloud;
 use super::errors::{
     self, SettingError, ShapeError, about, count, exception, real, refused, shown, whole,
 };
-use super::foreign::BadRows;
+use super::gil::{released, released_on};
+use super::interop::BadRows;
 use super::panics::caught;
 use super::registration::to_json;
+use super::shutdown::detached;
 use super::weights::{OwnWeights, Weights};
 use cfreg::cloud::{Descriptors, PointCloud};
 use cfreg::error::Error;

@@ -55,15 +55,15 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 #[pyo3(name = "_panic")]
 fn panic_for_tests(py: Python<'_>, place: &str) -> PyResult<()> {
     match place {
-        "work" => super::doorway::released(py, || {
+        "work" => super::gil::released(py, || {
             fail(place);
             Ok(())
         }),
-        "loop" => super::doorway::released(py, || {
+        "loop" => super::gil::released(py, || {
             cfreg::par::map(64, || (), |_, _| fail(place));
             Ok(())
         }),
-        "detached" => super::detached::detached(py, || fail(place)),
+        "detached" => super::shutdown::detached(py, || fail(place)),
         _ => caught(|| fail(place)),
     }
 }

@@ -8,11 +8,11 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::any_cloud::AnyCloud;
 use super::arrays::pose;
-use super::doorway::{Pool, released, released_on};
+use super::cloud_arg::AnyCloud;
 use super::errors::{SettingError, about, exception, optional_real, refused};
-use super::foreign::BadRows;
+use super::gil::{Pool, released, released_on};
+use super::interop::BadRows;
 use super::moments::index_pairs;
 use super::panics::caught;
 use super::weights::{OwnWeights, Weights};

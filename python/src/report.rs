@@ -3,9 +3,9 @@
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::any_cloud::AnyCloud;
-use super::doorway::released;
-use super::foreign::BadRows;
+use super::cloud_arg::AnyCloud;
+use super::gil::released;
+use super::interop::BadRows;
 use cfreg::report::Pair;
 
 /// The page of a result, given as JSON, and of the clouds that it is of.

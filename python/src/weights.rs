@@ -9,10 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 
 use super::arrays::{interop, table};
-use super::detached::detached;
-use super::doorway::Pool;
 use super::errors::{SettingError, ShapeError, about, exception, refused};
+use super::gil::Pool;
 use super::panics::caught;
+use super::shutdown::detached;
 use cfreg::error::Result;
 use cfreg::moments::{FullConnection, Moments};
 use cfreg::par;

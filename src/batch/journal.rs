@@ -130,7 +130,7 @@ impl Journal {
                     && list.pair(row.index) == [row.source.as_str(), row.target.as_str()]
             };
             match self.row(&line).filter(same) {
-                Some(row) => self.count(row.index),
+                Some(row) => self.mark_done(row.index),
                 None => self.damaged += 1,
             }
             self.end += line.len() as u64;
@@ -169,7 +169,7 @@ impl Journal {
         Ok(())
     }
 
-    fn count(&mut self, index: usize) {
+    fn mark_done(&mut self, index: usize) {
         if self.places[index] == 0 {
             self.places[index] = self.end;
             self.done += 1;
@@ -187,7 +187,7 @@ impl Journal {
         let before = self.end;
         self.append(&line)?;
         self.end = before;
-        self.count(row.index);
+        self.mark_done(row.index);
         self.end += line.len() as u64;
         self.sync(SYNC)
     }

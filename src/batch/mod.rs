@@ -9,22 +9,22 @@
 //!
 //! Memory holds the clouds, and for each pair 24 bytes; the names of files once each.
 
-mod arising;
-mod cells;
-mod clouds;
-mod complete;
+mod cloud_cache;
+mod columns;
+mod deadlines;
 mod graph;
 mod hash;
 mod journal;
 mod list;
 mod output;
-mod panics;
+mod pairing;
+mod panic_hook;
 #[cfg(feature = "parquet")]
 mod parquet;
-mod places;
 pub mod results;
+mod resume;
 mod row;
-mod watch;
+mod scan_positions;
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -36,22 +36,22 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-pub use arising::{consecutive, within};
-pub use cells::Column;
+pub use columns::Column;
 pub use graph::RowGraph;
 pub use list::List;
-pub use panics::panics_go_to_rows;
-pub use places::Places;
+pub use pairing::{radius_pairs, sequential_pairs};
+pub use panic_hook::install_panic_hook;
 pub use row::Row;
 pub(crate) use row::symmetric;
+pub use scan_positions::ScanPositions;
 
 pub use crate::filter::{self, Downsampling};
 
-use self::clouds::Clouds;
+use self::cloud_cache::CloudCache;
+use self::deadlines::Deadlines;
 use self::hash::Hash;
 use self::journal::Journal;
 use self::output::Format;
-use self::watch::Watch;
 use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::io;
@@ -139,7 +139,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    fn count(&mut self, row: &Row) {
+    fn add_row(&mut self, row: &Row) {
         self.trusted += usize::from(row.is_usable());
         self.errors += usize::from(row.error.is_some());
     }
@@ -192,7 +192,7 @@ impl<'a> Batch<'a> {
         output::check(output, format, list)?;
         let (path, header) = (Journal::beside(output), self.header(list));
         if self.complete(output, &path)? {
-            return complete::summary(output, format, list, &header);
+            return resume::summary(output, format, list, &header);
         }
         let resume = self.start == Start::Resume;
         let mut journal = Journal::open(&path, &header, list, resume)?;
@@ -206,7 +206,8 @@ impl<'a> Batch<'a> {
         journal.sync(Duration::ZERO)?;
         let damaged = journal.damaged();
         let mut summary = Summary { pairs: list.len(), resumed, damaged, ..Summary::default() };
-        let counted = journal.rows()?.inspect(|row| row.iter().for_each(|row| summary.count(row)));
+        let counted =
+            journal.rows()?.inspect(|row| row.iter().for_each(|row| summary.add_row(row)));
         format.write(output, counted, self.times, &header)?;
         journal.remove()?;
         Ok(summary)
@@ -281,7 +282,7 @@ impl<'a> Batch<'a> {
         let mut hash = Hash::default();
         for name in names {
             hash.add(name);
-            clouds::add(&mut hash, &self.given[name]);
+            cloud_cache::add(&mut hash, &self.given[name]);
         }
         hash.value()
     }
@@ -293,8 +294,8 @@ impl<'a> Batch<'a> {
         pairs: Vec<usize>,
         mut give: impl FnMut(Row) -> Result<()>,
     ) -> Result<()> {
-        let clouds = Clouds::new(self.thinning, self.memory);
-        let watch = Watch::default();
+        let clouds = CloudCache::new(self.thinning, self.memory);
+        let watch = Deadlines::default();
         let ended = || self.interrupt.is_requested() || par::is_interrupt_requested();
         let mut failed = None;
         let take = |row: Option<Option<Row>>| {
@@ -326,7 +327,13 @@ impl<'a> Batch<'a> {
     }
 
     /// One pair; `None` when all work is to end.
-    fn row(&self, index: usize, list: &List, clouds: &Clouds, watch: &Watch) -> Option<Row> {
+    fn row(
+        &self,
+        index: usize,
+        list: &List,
+        clouds: &CloudCache,
+        watch: &Deadlines,
+    ) -> Option<Row> {
         let names = list.pair(index);
         let mut row = Row::new(index, names);
         let mut seconds = None;
@@ -339,7 +346,7 @@ impl<'a> Batch<'a> {
                 let start = Instant::now();
                 let found = self.method.register_cached(source.cached(), target.cached());
                 seconds = Some(start.elapsed().as_secs_f64());
-                [source, target].iter().for_each(|kept| clouds.count(kept));
+                [source, target].iter().for_each(|kept| clouds.touch(kept));
                 found.map_err(|error| error.to_string())
             });
             found.unwrap_or_else(|error| match (error, self.time_limit) {
@@ -350,7 +357,7 @@ impl<'a> Batch<'a> {
             })
         });
         let found =
-            catch_unwind(guarded).unwrap_or_else(|panic| Err(panics::words(panic.as_ref())));
+            catch_unwind(guarded).unwrap_or_else(|panic| Err(panic_hook::words(panic.as_ref())));
         if watch.finish(index) {
             return None;
         }
@@ -363,7 +370,13 @@ impl<'a> Batch<'a> {
     }
 
     /// The cloud of that name, thinned for that side of a pair.
-    fn cloud(&self, folder: &Path, name: &str, side: u64, clouds: &Clouds) -> clouds::Read {
+    fn cloud(
+        &self,
+        folder: &Path,
+        name: &str,
+        side: u64,
+        clouds: &CloudCache,
+    ) -> cloud_cache::Read {
         let path = folder.join(name);
         clouds.get(&path, side, || {
             let cloud = match self.given.get(name) {

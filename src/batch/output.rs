@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::cells::Flat;
+use super::columns::Flat;
 use super::journal::Journal;
 use super::{List, Row};
 use crate::error::{Error, Result};

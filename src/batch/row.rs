@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::cells::Cell;
+use super::columns::Cell;
 use crate::cloud::Transform;
 use crate::io;
 use crate::math::cholesky::Mat6;
@@ -326,7 +326,7 @@ mod tests {
     use std::collections::HashMap;
 
     use super::*;
-    use crate::batch::cells::{Column, Flat};
+    use crate::batch::columns::{Column, Flat};
 
     #[test]
     fn a_row_comes_back_from_json_to_the_last_bit() {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Clouds, Pair, Posed, Settings};
+use super::{Pair, PairClouds, Posed, Settings};
 use crate::error::{Error, Result};
 use crate::io::outputs;
 use crate::method::Consensus;
@@ -54,7 +54,7 @@ pub fn write(
     let system = |error| Error::io(output, error);
     let file = outputs::create_temporary(output).map_err(system)?;
     let mut table = csv::Writer::from_writer(file.as_file());
-    let (mut clouds, mut written) = (Clouds::default(), 0);
+    let (mut clouds, mut written) = (PairClouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {
         let posed = Posed::new(pair, number, settings, &mut clouds)?;
         let judged = Consensus::default().scored_poses(&posed.moved, &posed.target);
@@ -62,7 +62,7 @@ pub fn write(
             let found = judged.transform.after(&posed.motion);
             let right = pair.truth.as_ref().is_some_and(|truth| {
                 let error = posed.rule.error(&found, truth, &posed.source);
-                posed.rule.holds(error, &posed.source, pair.unit)
+                posed.rule.is_met(error, &posed.source, pair.unit)
             });
             table
                 .serialize(Candidate {

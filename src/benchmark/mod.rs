@@ -2,10 +2,10 @@
 //! how well their verdicts know.
 
 pub mod candidates;
-mod clouds;
-mod kept;
+mod external_poses;
+mod kept_rows;
 pub mod list;
-mod others;
+mod pair_clouds;
 pub mod reliability;
 pub mod report;
 pub mod rule;
@@ -17,12 +17,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+pub use external_poses::Poses;
 pub use list::Pair;
-pub use others::Poses;
 pub use rule::Rule;
 
-use self::clouds::Clouds;
-use self::kept::Kept;
+use self::kept_rows::KeptRows;
+use self::pair_clouds::PairClouds;
 use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::math::{self, Vec3};
@@ -117,10 +117,10 @@ pub fn run(
 ) -> Result<Vec<Row>> {
     let chains = methods.iter().map(|name| method(name)).collect::<Result<Vec<Pipeline>>>()?;
     let mut kept = match output {
-        Some(path) => Kept::open(path, &settings)?,
-        None => Kept::default(),
+        Some(path) => KeptRows::open(path, &settings)?,
+        None => KeptRows::default(),
     };
-    let mut clouds = Clouds::default();
+    let mut clouds = PairClouds::default();
     let mut rows = Vec::new();
     let all = pairs.len() * methods.len();
     for (number, pair) in pairs.iter().enumerate() {
@@ -153,12 +153,17 @@ struct Posed {
 
 impl Posed {
     /// The pair that comes as the `number`-th of the list.
-    fn new(pair: &Pair, number: usize, settings: Settings, clouds: &mut Clouds) -> Result<Posed> {
+    fn new(
+        pair: &Pair,
+        number: usize,
+        settings: Settings,
+        clouds: &mut PairClouds,
+    ) -> Result<Posed> {
         let source = clouds.get(&pair.source, settings, 2 * number as u64)?;
         let target = clouds.get(&pair.target, settings, 2 * number as u64 + 1)?;
         let seed = settings.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
         let motion = match settings.moved {
-            true => anywhere(seed, source.diagonal()),
+            true => random_pose(seed, source.diagonal()),
             false => Transform::IDENTITY,
         };
         let moved = source.transformed(&motion)?;
@@ -172,7 +177,7 @@ fn one(
     number: usize,
     (name, chain): (&str, &Pipeline),
     settings: Settings,
-    clouds: &mut Clouds,
+    clouds: &mut PairClouds,
 ) -> Result<Row> {
     let Posed { source, moved, target, motion, rule } = Posed::new(pair, number, settings, clouds)?;
     let start = Instant::now();
@@ -198,7 +203,7 @@ fn one(
 }
 
 /// A pair, registered once more.
-pub struct Again {
+pub struct Rerun {
     /// Moved as it was.
     pub source: PointCloud,
     /// As in its file.
@@ -213,12 +218,12 @@ pub struct Again {
 ///
 /// # Errors
 /// Those of reading clouds, and of the method.
-pub fn again(pair: &Pair, number: usize, method: &Pipeline, settings: Settings) -> Result<Again> {
+pub fn rerun(pair: &Pair, number: usize, method: &Pipeline, settings: Settings) -> Result<Rerun> {
     let Posed { moved, target, motion, .. } =
-        Posed::new(pair, number, settings, &mut Clouds::default())?;
+        Posed::new(pair, number, settings, &mut PairClouds::default())?;
     let found = method.register(&moved, &target)?;
     let truth = pair.truth.as_ref().map(|truth| truth.after(&motion.inverse()));
-    Ok(Again { source: moved, target, found, truth })
+    Ok(Rerun { source: moved, target, found, truth })
 }
 
 impl Row {
@@ -256,7 +261,7 @@ impl Row {
     fn compare(&mut self, found: &Transform, pair: &Pair, source: &PointCloud) {
         if let Some(truth) = &pair.truth {
             let error = self.rule.error(found, truth, source);
-            self.right = self.rule.holds(error, source, pair.unit);
+            self.right = self.rule.is_met(error, source, pair.unit);
             self.rotation_deg = Some(error.rotation_deg);
             self.translation = Some(error.translation);
         }
@@ -270,7 +275,7 @@ fn verdict(found: &Registration) -> Option<&crate::verify::Verdict> {
 }
 
 /// Any rotation, each as likely as any other, and a shift of up to `size` along each axis.
-pub fn anywhere(seed: u64, size: f64) -> Transform {
+pub fn random_pose(seed: u64, size: f64) -> Transform {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = || 2.0 * rng.random::<f64>() - 1.0;
     // A direction in four dimensions by rejection from the cube is a unit quaternion.
@@ -338,11 +343,11 @@ mod tests {
     #[test]
     fn motions_are_rotations_of_all_angles() {
         let angles: Vec<f64> =
-            (0..200).map(|seed| anywhere(seed, 1.0).angle().to_degrees()).collect();
+            (0..200).map(|seed| random_pose(seed, 1.0).angle().to_degrees()).collect();
         let mean = angles.iter().sum::<f64>() / 200.0;
         // Of a uniform rotation 90° + 360°/π² = 126.5°.
         assert!((mean - 126.5).abs() < 8.0, "{mean}");
-        let turn = anywhere(3, 1.0).rotation;
+        let turn = random_pose(3, 1.0).rotation;
         assert!((math::determinant(&turn) - 1.0).abs() < 1e-12);
     }
 

@@ -47,7 +47,7 @@ impl Rule {
     }
 
     /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
-    pub fn holds(self, error: PoseError, source: &PointCloud, unit: f64) -> bool {
+    pub fn is_met(self, error: PoseError, source: &PointCloud, unit: f64) -> bool {
         let (degrees, length) = match self {
             Rule::Indoor => (15.0, 0.3 / unit),
             Rule::Outdoor => (5.0, 0.6 / unit),
@@ -94,14 +94,14 @@ mod tests {
         let turn = Transform::from_rotation_vector([0.0, 0.0, 4f64.to_radians()]);
         let error = Rule::Indoor.error(&turn, &Transform::IDENTITY, &cloud);
         assert!((error.rotation_deg - 4.0).abs() < 1e-9 && error.translation == 0.0);
-        assert!(Rule::Indoor.holds(error, &cloud, 1.0));
+        assert!(Rule::Indoor.is_met(error, &cloud, 1.0));
         // About the centroid, ten off the zero: 0.7 are more than a twentieth of 5.
         let error = Rule::Relative.error(&turn, &Transform::IDENTITY, &cloud);
-        assert!(error.translation > 0.7 && !Rule::Relative.holds(error, &cloud, 1.0));
+        assert!(error.translation > 0.7 && !Rule::Relative.is_met(error, &cloud, 1.0));
         let shift = Transform::rigid(math::IDENTITY, [0.0, 0.0, 50.0]);
         let error = Rule::Outdoor.error(&shift, &Transform::IDENTITY, &cloud);
         assert!(
-            Rule::Outdoor.holds(error, &cloud, 0.01) && !Rule::Outdoor.holds(error, &cloud, 1.0)
+            Rule::Outdoor.is_met(error, &cloud, 0.01) && !Rule::Outdoor.is_met(error, &cloud, 1.0)
         );
         assert_eq!(Rule::of_size(0.3), Rule::Relative);
         assert_eq!((Rule::of_size(6.0), Rule::of_size(150.0)), (Rule::Indoor, Rule::Outdoor));

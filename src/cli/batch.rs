@@ -7,7 +7,7 @@ use clap::Args;
 use indicatif::ProgressStyle;
 
 use super::options::MethodOptions;
-use super::{Outcome, outputs, progress, reading, say};
+use super::{Outcome, input, log, outputs, progress};
 use crate::batch::{self, List, Start};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
@@ -37,7 +37,7 @@ pub(super) struct Batch {
     /// Clouds, and what was made of them, kept for later pairs, in bytes or with a unit: 512MB, 4GiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
     memory: usize,
-    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
     viewpoints: ViewpointSource,
     /// Give a pair up after so many seconds; which pairs come near the limit depends on the
     /// machine
@@ -74,7 +74,7 @@ impl Batch {
             _ => Start::Fresh,
         };
         end_by_ctrl_c(batch.interrupt.clone())?;
-        batch::panics_go_to_rows();
+        batch::install_panic_hook();
         let bar = progress(list.len() as u64, "pairs");
         let style = "{msg} {wide_bar} {pos}/{len} {per_sec} {eta}";
         bar.set_style(ProgressStyle::with_template(style).unwrap_or(ProgressStyle::default_bar()));
@@ -93,21 +93,21 @@ impl Batch {
         match done {
             Ok(done) => {
                 if done.resumed == done.pairs {
-                    say(&format!("cfreg: {output} is complete: nothing to resume\n"));
+                    log(&format!("cfreg: {output} is complete: nothing to resume\n"));
                 }
                 if done.damaged > 0 {
-                    say(&format!(
+                    log(&format!(
                         "cfreg: {} lines of {output}.part were changed since they were written, or \
                          are of other pairs: these were registered again\n",
                         done.damaged
                     ));
                 }
                 let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
-                say(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
+                log(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
                 Ok(if trusted > 0 { Outcome::Trusted } else { Outcome::Doubted })
             }
             Err(Error::Interrupted) => {
-                say(&format!(
+                log(&format!(
                     "cfreg: ended; {output}.part has the pairs that are done: go on with --resume\n"
                 ));
                 Err(Error::Interrupted)

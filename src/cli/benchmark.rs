@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{Outcome, outputs, print, progress, reading, say};
+use super::{Outcome, input, log, outputs, print, progress};
 use crate::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
 use crate::cloud::ViewpointSource;
 use crate::error::Result;
@@ -51,7 +51,7 @@ pub(super) struct Benchmark {
     /// Seed of the motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
     viewpoints: ViewpointSource,
     /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
@@ -118,7 +118,7 @@ impl Benchmark {
         bar.finish_and_clear();
         for (poses, path) in poses.iter().zip(&self.poses) {
             for (method, missing) in poses.missing(&pairs) {
-                say(&format!(
+                log(&format!(
                     "cfreg: {}: {missing} of {} pairs have no row by {method}: they count as \
                      failed\n",
                     path.display(),

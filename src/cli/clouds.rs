@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, outputs, print, print_json, reading, say};
+use super::{Outcome, input, log, outputs, print, print_json};
 use crate::error::Result;
 use crate::filter::{self, Downsampling, NoReturns};
 use crate::{io, search};
@@ -130,12 +130,12 @@ impl Convert {
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;
-        let (mut cloud, differences) = reading::read_with_differences(&self.input, &self.thinning)?;
+        let (mut cloud, differences) = input::read_with_differences(&self.input, &self.thinning)?;
         if let Some(path) = &self.transform {
             cloud = cloud.transformed(&io::read_transform(path)?)?;
         }
-        reading::write(&self.output, &cloud, differences)?;
-        say(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
+        input::write(&self.output, &cloud, differences)?;
+        log(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
         Ok(Outcome::Trusted)
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::options::MethodOptions;
 use super::register::summary;
-use super::{Outcome, matrix_text, outputs, print, print_json, say};
+use super::{Outcome, log, matrix_text, outputs, print, print_json};
 use crate::cloud::Transform;
 use crate::cloud::shape::boulder;
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ pub(super) struct Demo {
 }
 
 #[derive(Serialize)]
-struct Known<'a> {
+struct DemoResult<'a> {
     #[serde(flatten)]
     registration: &'a Registration,
     truth: Transform,
@@ -71,16 +71,16 @@ impl Demo {
         let registration = method.register(&source, &target)?;
         let error = pose_error(&registration.transform, &truth, source.centroid());
         if self.json {
-            print_json(&Known { registration: &registration, truth, error })?;
+            print_json(&DemoResult { registration: &registration, truth, error })?;
         } else {
-            say(&format!(
+            log(&format!(
                 "two independent samples of one shape, {} points each, one of them moved\n{}",
                 self.points,
                 summary(&registration)
             ));
             print(&matrix_text(&registration.transform.matrix()))?;
             let turned = Transform::rigid(truth.rotation, [0.0; 3]).angle().to_degrees();
-            say(&format!(
+            log(&format!(
                 "truth: turned by {turned:.1} deg; the pose is off by {:.3} deg and {:.4} ({:.2} % of the shape)\n",
                 error.rotation_deg,
                 error.translation,

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{Known, VERDICT_MODEL};
-use super::{Outcome, print, print_json, reading};
+use super::options::{PriorOptions, VERDICT_MODEL};
+use super::{Outcome, input, print, print_json};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
@@ -39,8 +39,8 @@ pub(super) struct Evaluate {
     #[arg(long, value_name = "FILE", requires = "verdict", help = VERDICT_MODEL)]
     verdict_model: Option<PathBuf>,
     #[command(flatten)]
-    known: Known,
-    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    known: PriorOptions,
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
     viewpoints: ViewpointSource,
     /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
     /// (0, 0, 0)
@@ -66,7 +66,7 @@ impl Evaluate {
         if let Some(path) = &self.verdict_model {
             judge = judge.model(VerdictModel::read(path)?);
         }
-        if let Some(name) = self.known.typed().filter(|_| !self.verdict) {
+        if let Some(name) = self.known.given_option().filter(|_| !self.verdict) {
             let rule = "requires --verdict";
             return Err(Error::config(name, "given", rule));
         }
@@ -74,7 +74,7 @@ impl Evaluate {
         let truth = self.truth.as_ref().map(io::read_transform).transpose()?;
         let files = [self.source.as_path(), &self.target];
         let [source, target] =
-            reading::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
+            input::read_pair(files, &self.thinning, self.viewpoints, self.keep_no_returns)?;
         let judgement = verify::evaluate_with_truth(
             &source,
             &target,
@@ -88,7 +88,7 @@ impl Evaluate {
             let raw = self
                 .thinning
                 .voxel
-                .map(|_| reading::read_pair(files, &raw, self.viewpoints, self.keep_no_returns));
+                .map(|_| input::read_pair(files, &raw, self.viewpoints, self.keep_no_returns));
             let [source, target] = &raw.transpose()?.unwrap_or([source, target]);
             judge.verify(source, target, &transform)
         };

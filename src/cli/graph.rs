@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{Outcome, outputs, say};
+use super::{Outcome, log, outputs};
 use crate::batch::{self, RowGraph};
 use crate::error::Result;
 use crate::pose_graph::Tangent;
@@ -46,7 +46,7 @@ impl ToGraph {
         if let Some(names) = &self.names {
             found.write_names(names)?;
         }
-        say(&format!(
+        log(&format!(
             "{} clouds in {} parts, {} edges; {} poses not accepted, {} left out\n",
             found.graph.names().len(),
             found.graph.parts(),

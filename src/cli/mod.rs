@@ -9,13 +9,13 @@ mod clouds;
 mod demo;
 mod evaluate;
 mod graph;
+mod input;
 mod options;
 mod outputs;
 mod pairs;
-mod pictured;
-mod reading;
 mod register;
 mod report;
+mod report_options;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
@@ -109,14 +109,14 @@ fn exit_code(outcome: Result<Outcome>) -> ExitCode {
         // As shells count it: 128 and the number of the signal.
         Err(Error::Interrupted) => ExitCode::from(130),
         Err(error) => {
-            say(&format!("cfreg: {error}\n"));
+            log(&format!("cfreg: {error}\n"));
             ExitCode::from(2)
         }
     }
 }
 
 /// Writes `text` to stderr. Words that cannot be said must not cost the answer.
-fn say(text: &str) {
+fn log(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
 

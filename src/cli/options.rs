@@ -16,7 +16,7 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
 /// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.
 #[derive(Args, Clone)]
-pub(super) struct Known {
+pub(super) struct PriorOptions {
     /// Compare points by these channels of the clouds too, as intensity:0.5,red,green,blue; a
     /// share of 1 (the default) matters as much as the whole shape
     #[arg(long, value_name = "NAME[:SHARE],..", value_delimiter = ',')]
@@ -33,7 +33,7 @@ pub(super) struct Known {
     within: Option<f64>,
 }
 
-impl Known {
+impl PriorOptions {
     /// What judges a pose by it, by this length where there is one.
     pub(super) fn judge(&self, voxel: Option<f64>) -> Result<Consensus> {
         let channels = self.channels.iter().map(|text| text.parse()).collect::<Result<_>>()?;
@@ -43,7 +43,7 @@ impl Known {
     }
 
     /// The first option that was typed.
-    pub(super) fn typed(&self) -> Option<&'static str> {
+    pub(super) fn given_option(&self) -> Option<&'static str> {
         let all = [
             ("channels", !self.channels.is_empty()),
             ("direction", self.direction.is_some()),
@@ -128,7 +128,7 @@ pub(super) struct MethodOptions {
     #[arg(long)]
     scale: Option<ScaleEstimate>,
     #[command(flatten)]
-    known: Known,
+    known: PriorOptions,
     /// Bounds of an estimated scale
     #[arg(long, value_name = "LOW,HIGH")]
     scale_bounds: Option<String>,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::{Outcome, outputs, say};
-use crate::batch::{self, List, Places};
+use super::{Outcome, log, outputs};
+use crate::batch::{self, List, ScanPositions};
 use crate::error::{Error, Result};
 
 #[derive(Args)]
@@ -59,7 +59,7 @@ impl Pairs {
         match &self.mode {
             Mode::Sequence { scans, steps, output } => {
                 let scans = clouds(scans)?;
-                let pairs = batch::consecutive(scans.len(), steps)?;
+                let pairs = batch::sequential_pairs(scans.len(), steps)?;
                 write(&scans, pairs, output)
             }
             Mode::Map { map, scans, output } => {
@@ -70,8 +70,8 @@ impl Pairs {
             }
             Mode::Near { poses, radius, output } => {
                 outputs::check(&[poses], &[("output", Some(output))])?;
-                let Places { names, places } = Places::read(poses)?;
-                let pairs = batch::within(&places, *radius)?;
+                let ScanPositions { names, places } = ScanPositions::read(poses)?;
+                let pairs = batch::radius_pairs(&places, *radius)?;
                 let folder = poses.parent().unwrap_or(Path::new(""));
                 let scans: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
                 write(&scans, pairs, output)
@@ -95,11 +95,11 @@ fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Out
     };
     let names = scans.iter().map(name).collect::<Result<Vec<String>>>()?;
     if pairs.is_empty() {
-        say("cfreg: no pair: the list has its columns alone\n");
+        log("cfreg: no pair: the list has its columns alone\n");
     }
     let list = List::new(folder, pairs.iter().map(|pair| pair.map(|scan| &names[scan])));
     list.write(output)?;
-    say(&format!("{} pairs of {} clouds\n", list.len(), scans.len()));
+    log(&format!("{} pairs of {} clouds\n", list.len(), scans.len()));
     Ok(Outcome::Trusted)
 }
 

@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::MethodOptions;
-use super::pictured::Pictures;
-use super::{Outcome, matrix_text, outputs, print, print_json, progress, reading, say};
+use super::report_options::Pictures;
+use super::{Outcome, input, log, matrix_text, outputs, print, print_json, progress};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
@@ -26,7 +26,7 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Downsampling,
-    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
     viewpoints: ViewpointSource,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
@@ -82,7 +82,7 @@ impl Register {
             let start = std::time::Instant::now();
             let files = [self.source.as_path(), &self.target];
             let [source, target] =
-                reading::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
+                input::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
             registration.time_s.0.insert(0, ("read", seconds));
@@ -95,14 +95,14 @@ impl Register {
         if let Some(path) = &self.write_aligned {
             let start = std::time::Instant::now();
             let (source, differences) = io::read_with_differences(&self.source)?;
-            reading::write(path, &source.transformed(&registration.transform)?, differences)?;
+            input::write(path, &source.transformed(&registration.transform)?, differences)?;
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
         for doubt in &registration.doubts {
-            say(&format!("cfreg: not to be trusted: {doubt}\n"));
+            log(&format!("cfreg: not to be trusted: {doubt}\n"));
         }
         if !registration.is_usable() {
-            say(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
+            log(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
         }
         let answer = Answer {
             registration: &registration,
@@ -110,7 +110,7 @@ impl Register {
             target: self.target.display().to_string(),
             thinning: &self.thinning,
             viewpoints: self.viewpoints,
-            command: typed(),
+            command: command_line(),
         };
         if self.pictures.any() {
             let bar = progress(0, "drawing");
@@ -124,7 +124,7 @@ impl Register {
         if self.json {
             print_json(&answer)?;
         } else {
-            say(&summary(&registration));
+            log(&summary(&registration));
             print(&matrix_text(&registration.transform.matrix()))?;
         }
         Ok(if registration.is_usable() { Outcome::Trusted } else { Outcome::Doubted })
@@ -132,7 +132,7 @@ impl Register {
 }
 
 /// The command line of this process, as a shell takes it.
-fn typed() -> String {
+fn command_line() -> String {
     let words: Vec<String> =
         std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
     let words = std::iter::once("cfreg").chain(words.iter().map(String::as_str));

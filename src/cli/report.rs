@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::pictured::Pictures;
-use super::{Outcome, outputs, progress, reading, say};
+use super::report_options::Pictures;
+use super::{Outcome, input, log, outputs, progress};
 use crate::batch;
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
-use crate::report::{self, Bulk, Kept};
+use crate::report::{self, BatchReport, SavedResult};
 
 #[derive(Args)]
 pub(super) struct Report {
@@ -30,7 +30,7 @@ pub(super) struct Report {
     /// Rows, the worst first, that have a page of their own
     #[arg(long, value_name = "N", default_value_t = 100)]
     pages: usize,
-    #[arg(long, value_name = "WHERE", default_value_t, help = reading::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
     viewpoints: ViewpointSource,
 }
 
@@ -51,7 +51,7 @@ impl Report {
         let beside = || self.result.with_file_name(format!("{stem}-report"));
         let output = self.output.clone().unwrap_or_else(beside);
         let own = self.result.parent().unwrap_or(Path::new(""));
-        let bulk = Bulk {
+        let bulk = BatchReport {
             clouds: self.folder.as_deref().unwrap_or(own),
             output: &output,
             pages: self.pages,
@@ -64,7 +64,7 @@ impl Report {
         })?;
         bar.finish_and_clear();
         let index = output.join("index.html");
-        say(&format!("cfreg: {} rows, {made} pages: {}\n", rows.len(), index.display()));
+        log(&format!("cfreg: {} rows, {made} pages: {}\n", rows.len(), index.display()));
         Ok(Outcome::Trusted)
     }
 
@@ -75,12 +75,12 @@ impl Report {
         }
         let pictures = Pictures { report: Some(output), figure: self.figure.clone() };
         pictures.check()?;
-        let kept = Kept::read(&self.result)?;
+        let kept = SavedResult::read(&self.result)?;
         let [source, target] = kept.files()?.map(|file| self.found(file));
         let (source, target) = (source?, target?);
         outputs::check(&[&self.result, &source, &target], &pictures.outputs())?;
         let bar = progress(0, "drawing");
-        let [source, target] = reading::read_pair(
+        let [source, target] = input::read_pair(
             [&source, &target],
             &kept.thinning(),
             kept.viewpoints(),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::facts::{Free, Spread};
-use super::words;
+use super::text;
 use crate::math::{self, Vec3};
 
 /// A motion as a turn about an axis and a shift along it, about the middle of the target.
@@ -26,10 +26,10 @@ const LEAST: f64 = 0.1;
 impl Arrow {
     /// Of every motion that nothing holds; `middle` is that of the target.
     pub(super) fn all(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
-        spread.undetermined.iter().map(|free| Arrow::of(free, spread.center, middle)).collect()
+        spread.undetermined.iter().map(|free| Arrow::new(free, spread.center, middle)).collect()
     }
 
-    fn of(free: &Free, center: Vec3, middle: Vec3) -> Arrow {
+    fn new(free: &Free, center: Vec3, middle: Vec3) -> Arrow {
         let Free { rotation, translation } = *free;
         let turn = math::norm(rotation);
         let local = math::sub(center, middle);
@@ -50,7 +50,7 @@ impl Arrow {
         let radius = math::norm(translation) / (1.0 - turn * turn).max(1e-12).sqrt();
         let slides = along > LEAST * radius && turn < (1.0 - LEAST * LEAST).sqrt();
         let place = math::add(local, off);
-        let [x, y, z] = math::add(place, middle).map(words::short);
+        let [x, y, z] = math::add(place, middle).map(text::short);
         let also = if slides { ", sliding along it," } else { "" };
         let words = format!("turns about {} through ({x}, {y}, {z}){also}", named(axis));
         Arrow {
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     fn arrow(rotation: Vec3, translation: Vec3) -> Arrow {
-        Arrow::of(&Free { rotation, translation }, [1.0, 0.0, 0.0], [0.0; 3])
+        Arrow::new(&Free { rotation, translation }, [1.0, 0.0, 0.0], [0.0; 3])
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Pair;
 use super::facts::{Facts, Judged, Spread, Told};
-use super::listing::{self, Cell, Line, Listing};
+use super::table_page::{self, TableCell, TablePage, TableRow};
 use crate::batch::{Row, symmetric};
 use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
@@ -12,7 +12,7 @@ use crate::io;
 
 /// Where the rows' clouds are, and where their report goes.
 #[derive(Debug, Clone)]
-pub struct Bulk<'a> {
+pub struct BatchReport<'a> {
     /// Folder that the files of the rows are relative to.
     pub clouds: &'a Path,
     /// Folder of the pages, made if it is not there: `index.html` is the table.
@@ -23,7 +23,7 @@ pub struct Bulk<'a> {
     pub viewpoints: ViewpointSource,
 }
 
-impl Bulk<'_> {
+impl BatchReport<'_> {
     /// Writes a table of `rows`, the worst first, and the pages of pairs that it opens; a pair
     /// whose clouds cannot be read has none. `progress` is told how many pages of how many are
     /// done. How many there are is returned.
@@ -32,7 +32,7 @@ impl Bulk<'_> {
     /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written,
     /// [`Error::Config`](crate::Error::Config) for a row whose pose is none.
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
-        listing::make(self.output)?;
+        table_page::make(self.output)?;
         let mut order: Vec<&Row> = rows.iter().collect();
         let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
             (Some(_), _) => 0,
@@ -62,7 +62,7 @@ impl Bulk<'_> {
             if let Some(facts) = facts(row)?.filter(|_| at < self.pages) {
                 match self.clouds(row) {
                     Ok([source, target]) => {
-                        let pair = Pair::of(facts, &source, &target);
+                        let pair = Pair::new_from_facts(facts, &source, &target);
                         line.open(pair, self.output, row.index)?;
                         made += 1;
                     }
@@ -91,7 +91,8 @@ impl Bulk<'_> {
             "why",
         ];
         let title = "Registrations, the worst first".into();
-        Listing { title, lines, columns, rows: listed, ..Listing::default() }.write(self.output)?;
+        TablePage { title, lines, columns, rows: listed, ..TablePage::default() }
+            .write(self.output)?;
         Ok(made)
     }
 
@@ -102,7 +103,7 @@ impl Bulk<'_> {
     }
 }
 
-fn line(row: &Row) -> Line {
+fn line(row: &Row) -> TableRow {
     let usable = row.is_usable();
     let verdict = match (&row.error, usable, row.decision.as_deref()) {
         (Some(_), ..) => "no answer",
@@ -118,17 +119,17 @@ fn line(row: &Row) -> Line {
     };
     let why = [&row.error, &row.doubts].into_iter().find_map(Clone::clone).unwrap_or_default();
     let cells = vec![
-        Cell::number(Some(row.index as f64)),
-        Cell::text(&row.source),
-        Cell::text(&row.target),
-        Cell::text(verdict),
-        Cell::share(row.probability),
-        Cell::share(row.overlap),
-        Cell::share(row.fitness),
-        Cell::share(row.agreement),
-        Cell::text(why),
+        TableCell::number(Some(row.index as f64)),
+        TableCell::text(&row.source),
+        TableCell::text(&row.target),
+        TableCell::text(verdict),
+        TableCell::share(row.probability),
+        TableCell::share(row.overlap),
+        TableCell::share(row.fitness),
+        TableCell::share(row.agreement),
+        TableCell::text(why),
     ];
-    Line { tone, cells, ..Line::default() }
+    TableRow { tone, cells, ..TableRow::default() }
 }
 
 /// What a row tells, as a registration does; `None` without a pose.

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::Pair;
-use super::listing::{self, Cell, Line, Listing};
-use crate::benchmark::{self, Again, Row, Settings, reliability};
+use super::table_page::{self, TableCell, TablePage, TableRow};
+use crate::benchmark::{self, Rerun, Row, Settings, reliability};
 use crate::error::Result;
 
 /// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
@@ -22,7 +22,7 @@ pub fn benchmark(
     pages: usize,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<()> {
-    listing::make(folder)?;
+    table_page::make(folder)?;
     let mut order: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
     let badness = |row: &Row| match (row.right, row.accepted) {
         (false, true) => 0,
@@ -72,15 +72,15 @@ pub fn benchmark(
         "why",
     ];
     let title = "A benchmark, the worst first".into();
-    let mut listing = Listing { title, lines, columns, rows: listed, ..Listing::default() };
+    let mut page = TablePage { title, lines, columns, rows: listed, ..TablePage::default() };
     if rows.iter().any(|row| row.probability.is_some()) {
-        listing.draw(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
+        page.draw(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
     }
-    listing.write(folder)
+    page.write(folder)
 }
 
 fn open(
-    line: &mut Line,
+    line: &mut TableRow,
     row: &Row,
     number: usize,
     pairs: &[benchmark::Pair],
@@ -92,7 +92,7 @@ fn open(
     let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.is_of(pair)) else {
         return Ok(());
     };
-    let Again { source, target, found, truth } = benchmark::again(pair, at, &chain, settings)?;
+    let Rerun { source, target, found, truth } = benchmark::rerun(pair, at, &chain, settings)?;
     let json = serde_json::to_string(&found)
         .map_err(|error| crate::Error::io("a registration", std::io::Error::other(error)))?;
     let mut page = Pair::new(&json, &source, &target)?;
@@ -101,7 +101,7 @@ fn open(
     line.open(page, folder, number)
 }
 
-fn line(row: &Row, badness: usize) -> Line {
+fn line(row: &Row, badness: usize) -> TableRow {
     let known = row.rotation_deg.is_some() || !row.error.is_empty();
     let word = match (row.right, known) {
         (true, _) => "right",
@@ -119,18 +119,18 @@ fn line(row: &Row, badness: usize) -> Line {
         (false, false) => "no",
     };
     let cells = vec![
-        Cell::text(&row.dataset),
-        Cell::text(&row.source),
-        Cell::text(&row.target),
-        Cell::text(&row.method),
-        Cell::text(word),
-        Cell::text(accepted),
-        Cell::share(row.probability),
-        Cell::number(row.rotation_deg),
-        Cell::number(row.translation),
-        Cell::share(row.overlap),
-        Cell::number(Some(row.seconds)),
-        Cell::text(&row.error),
+        TableCell::text(&row.dataset),
+        TableCell::text(&row.source),
+        TableCell::text(&row.target),
+        TableCell::text(&row.method),
+        TableCell::text(word),
+        TableCell::text(accepted),
+        TableCell::share(row.probability),
+        TableCell::number(row.rotation_deg),
+        TableCell::number(row.translation),
+        TableCell::share(row.overlap),
+        TableCell::number(Some(row.seconds)),
+        TableCell::text(&row.error),
     ];
-    Line { tone, cells, ..Line::default() }
+    TableRow { tone, cells, ..TableRow::default() }
 }

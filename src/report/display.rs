@@ -14,7 +14,7 @@ use crate::search::{Neighborhood, Neighbors, SearchTree};
 
 /// A cloud to be drawn. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Shown {
+pub(super) struct DisplayCloud {
     /// Points that are shown, of how many, and how many of those drawn at random are not shown
     /// since they are strays, far out.
     pub(super) shown: usize,
@@ -63,9 +63,9 @@ const CENTRAL: f64 = 0.02;
 /// 16 bits would not tell the others apart. Chosen by hand: of the box, 7000 steps are left.
 const FARTHEST: f64 = 4.0;
 
-impl Shown {
+impl DisplayCloud {
     /// At most `most` points of `cloud`, drawn at random.
-    pub(super) fn of(cloud: &PointCloud, most: usize) -> Result<Shown> {
+    pub(super) fn new(cloud: &PointCloud, most: usize) -> Result<DisplayCloud> {
         let thin = filter::sample(cloud, most, 0);
         let (low, high) = central(&thin);
         let middle = math::scaled(math::add(low, high), 0.5);
@@ -88,7 +88,7 @@ impl Shown {
         let (vectors, spacing) = looks(&thin)?;
         let small = |x: &f32| (x * 127.0).round() as i8 as u8;
         let normals: Vec<u8> = within.iter().flat_map(|&i| &vectors[i]).map(small).collect();
-        Ok(Shown {
+        Ok(DisplayCloud {
             shown: within.len(),
             of: cloud.len(),
             strays: thin.len() - within.len(),
@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn small_numbers_are_the_points() {
         let cloud = boulder().sample(3000, 1).unwrap();
-        let shown = Shown::of(&cloud, 1000).unwrap();
+        let shown = DisplayCloud::new(&cloud, 1000).unwrap();
         assert_eq!((shown.shown, shown.of), (1000, 3000));
         let bytes = STANDARD.decode(&shown.positions).unwrap();
         for (k, place) in shown.cloud.positions().enumerate() {
@@ -229,7 +229,7 @@ mod tests {
             let points: Vec<Vec3> = (0..50).map(|k| [f64::from(k), shift, 0.0]).collect();
             PointCloud::new(&points).unwrap()
         };
-        let mut shown = Shown::of(&line(0.5), 100).unwrap();
+        let mut shown = DisplayCloud::new(&line(0.5), 100).unwrap();
         shown.measure(&line(0.0), &Transform::IDENTITY, 1.0, 1.0).unwrap();
         assert_eq!(STANDARD.decode(&shown.residuals).unwrap(), vec![125; 50]);
         shown.measure(&line(0.0), &Transform::IDENTITY, 1.0, 0.4).unwrap();
@@ -245,7 +245,7 @@ mod tests {
     fn few_points_are_shown_too() {
         for n in 1..4 {
             let points: Vec<Vec3> = (0..n).map(|k| [f64::from(k); 3]).collect();
-            let shown = Shown::of(&PointCloud::new(&points).unwrap(), 10).unwrap();
+            let shown = DisplayCloud::new(&PointCloud::new(&points).unwrap(), 10).unwrap();
             assert_eq!(shown.shown, n as usize);
         }
     }
@@ -257,7 +257,7 @@ mod tests {
         points[7] = [1e5, 0.0, 0.0];
         points[1234] = [-1e5, 0.0, 3.0];
         let cloud = PointCloud::new(&points).unwrap();
-        let mut shown = Shown::of(&cloud, 5000).unwrap();
+        let mut shown = DisplayCloud::new(&cloud, 5000).unwrap();
         shown.measure(&boulder, &Transform::IDENTITY, 1.0, 1.0).unwrap();
         shown.weigh(&points, &vec![1.0; points.len()], 1.0, 1.0).unwrap();
         assert_eq!((shown.shown, shown.strays, shown.of), (2998, 2, 3000));
@@ -272,7 +272,7 @@ mod tests {
         // A heap of one place and some others: there is no length to go by.
         let mut heap = vec![[1.0; 3]; 1000];
         heap[3] = [2.0; 3];
-        let heap = Shown::of(&PointCloud::new(&heap).unwrap(), 5000).unwrap();
+        let heap = DisplayCloud::new(&PointCloud::new(&heap).unwrap(), 5000).unwrap();
         assert_eq!((heap.shown, heap.strays), (1000, 0));
     }
 }

@@ -5,20 +5,20 @@
 mod arrows;
 mod batch;
 mod benchmark;
+mod camera;
 mod display;
 mod facts;
-mod kept;
-mod links;
-pub mod listing;
-mod look;
 mod page;
 mod pair;
-mod picture;
+mod preview;
+mod saved_result;
+pub mod table_page;
 mod tables;
-mod words;
+mod text;
+mod weight_view;
 
-pub use batch::Bulk;
+pub use batch::BatchReport;
 pub use benchmark::benchmark;
-pub use kept::Kept;
 pub use page::is_ours;
 pub use pair::Pair;
+pub use saved_result::SavedResult;

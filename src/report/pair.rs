@@ -5,14 +5,14 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use super::arrows::Arrow;
-use super::display::Shown;
+use super::camera::{Camera, Viewport};
+use super::display::DisplayCloud;
 use super::facts::Facts;
-use super::links::Weights;
-use super::look::{Frame, Look};
 use super::page;
-use super::picture::{Stand, picture};
+use super::preview::{PoseView, draw_preview};
 use super::tables::{self, Histogram, Input, Posed, Stage, Uncertainty};
-use super::words::{self, Headline};
+use super::text::{self, Headline};
+use super::weight_view::Weights;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::figure::Figure;
@@ -61,9 +61,9 @@ const BESIDE: f64 = 2.5;
 /// What the page's scripts are given.
 #[derive(Serialize)]
 struct View<'a> {
-    source: &'a Shown,
-    target: &'a Shown,
-    look: Look,
+    source: &'a DisplayCloud,
+    target: &'a DisplayCloud,
+    look: Camera,
     /// Of arrows.
     radius: f64,
     stands: Vec<Place>,
@@ -79,7 +79,7 @@ struct Place {
     name: &'static str,
     matrix: [[f64; 4]; 4],
     #[serde(flatten)]
-    frame: Frame,
+    frame: Viewport,
 }
 
 /// What the page's text is made from.
@@ -119,10 +119,14 @@ impl<'a> Pair<'a> {
     /// [`Error::Parse`](crate::Error::Parse) for a `result` that is not such an object.
     pub fn new(result: &str, source: &'a PointCloud, target: &'a PointCloud) -> Result<Pair<'a>> {
         let facts = Facts::read(result, std::path::Path::new("the result"))?;
-        Ok(Pair::of(facts, source, target))
+        Ok(Pair::new_from_facts(facts, source, target))
     }
 
-    pub(super) fn of(facts: Facts, source: &'a PointCloud, target: &'a PointCloud) -> Pair<'a> {
+    pub(super) fn new_from_facts(
+        facts: Facts,
+        source: &'a PointCloud,
+        target: &'a PointCloud,
+    ) -> Pair<'a> {
         let name = |name: &Option<String>, other: &str| name.clone().unwrap_or(other.into());
         Pair {
             names: [name(&facts.source, "source"), name(&facts.target, "target")],
@@ -150,9 +154,9 @@ impl<'a> Pair<'a> {
         source.measure(self.target, &pose, 1.0, most)?;
         target.measure(self.source, &pose.inverse(), pose.scale, most)?;
         let (weights, weights_absent) = self.weigh(&mut source, &mut target, near);
-        let look = Look::at(&target.cloud);
+        let look = Camera::at(&target.cloud);
         let stands = self.stands(&source, &target);
-        let still = picture([&source, &target], &look, &stands[..2], STILL, (480, 420), true);
+        let still = draw_preview([&source, &target], &look, &stands[..2], STILL, (480, 420), true);
         let spread = facts.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
         let arrows = spread.map_or_else(Vec::new, |spread| Arrow::all(spread, target.middle));
         let middles = [source.middle, target.middle];
@@ -174,22 +178,22 @@ impl<'a> Pair<'a> {
         let inputs = tables::inputs(facts, [self.source, self.target], &self.names)?;
         let diagonals = [self.source.diagonal(), self.target.diagonal()];
         let text = Text {
-            titles: words::distinct(&self.names),
+            titles: text::distinct(&self.names),
             names: &self.names,
             method: facts.chain(),
-            headline: Headline::of(facts),
+            headline: Headline::new(facts),
             stands: stands.iter().map(|stand| stand.title).collect(),
             poses: self.poses(),
-            uncertainty: spread.map(Uncertainty::of),
+            uncertainty: spread.map(Uncertainty::new),
             arrows: &arrows,
             fit: tables::fit(facts),
-            histogram: Histogram::of(&source.distances, most, near),
+            histogram: Histogram::new(&source.distances, most, near),
             weights: weights.as_ref(),
             weights_absent,
             inputs,
             units_differ: tables::units_differ(diagonals, pose.scale),
             stages: Stage::all(&facts.time_s),
-            seconds: words::short(facts.time_s.0.iter().map(|stage| stage.1).sum()),
+            seconds: text::short(facts.time_s.0.iter().map(|stage| stage.1).sum()),
             config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
             command: self.command.as_deref(),
             thinned: [&source, &target].iter().any(|cloud| cloud.shown + cloud.strays < cloud.of),
@@ -206,8 +210,8 @@ impl<'a> Pair<'a> {
     /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud.
     pub fn figure(&self) -> Result<Figure> {
         let [source, target] = self.shown()?;
-        let (look, stands) = (Look::at(&target.cloud), self.stands(&source, &target));
-        Ok(picture([&source, &target], &look, &stands[..2], DRAWN, (520, 480), true))
+        let (look, stands) = (Camera::at(&target.cloud), self.stands(&source, &target));
+        Ok(draw_preview([&source, &target], &look, &stands[..2], DRAWN, (520, 480), true))
     }
 
     /// The aligned pair alone, small.
@@ -216,14 +220,14 @@ impl<'a> Pair<'a> {
     /// Those of [`figure`](Self::figure).
     pub fn thumbnail(&self, size: (u32, u32)) -> Result<Figure> {
         let [source, target] = self.shown()?;
-        let (look, pose) = (Look::at(&target.cloud), self.facts.transform);
-        let frame = Frame::of(&source, &target, &pose);
-        let after = [Stand { title: "", pose, frame }];
+        let (look, pose) = (Camera::at(&target.cloud), self.facts.transform);
+        let frame = Viewport::new(&source, &target, &pose);
+        let after = [PoseView { title: "", pose, frame }];
         let most = (size.0 * size.1 / 4) as usize;
-        Ok(picture([&source, &target], &look, &after, most, size, false))
+        Ok(draw_preview([&source, &target], &look, &after, most, size, false))
     }
 
-    fn shown(&self) -> Result<[Shown; 2]> {
+    fn shown(&self) -> Result<[DisplayCloud; 2]> {
         for (cloud, what) in [(self.source, "the source"), (self.target, "the target")] {
             if cloud.is_empty() {
                 let (what, found, needed) = (what.into(), 0, 1);
@@ -231,7 +235,7 @@ impl<'a> Pair<'a> {
             }
         }
         crate::par::join_pair([self.source, self.target], |cloud| {
-            Shown::of(cloud, self.points.max(1))
+            DisplayCloud::new(cloud, self.points.max(1))
         })
     }
 
@@ -251,8 +255,8 @@ impl<'a> Pair<'a> {
     /// What the method connected, told to the points that are shown; else why there is nothing.
     fn weigh(
         &self,
-        source: &mut Shown,
-        target: &mut Shown,
+        source: &mut DisplayCloud,
+        target: &mut DisplayCloud,
         near: f64,
     ) -> (Option<Weights>, Option<String>) {
         let pose = &self.facts.transform;
@@ -294,8 +298,9 @@ impl<'a> Pair<'a> {
     }
 
     /// Where the source is shown to stand: as its file has it, under the pose, under the others.
-    fn stands(&self, source: &Shown, target: &Shown) -> Vec<Stand<'static>> {
-        let stand = |title, pose| Stand { title, pose, frame: Frame::of(source, target, &pose) };
+    fn stands(&self, source: &DisplayCloud, target: &DisplayCloud) -> Vec<PoseView<'static>> {
+        let stand =
+            |title, pose| PoseView { title, pose, frame: Viewport::new(source, target, &pose) };
         let after = stand("after", self.facts.transform);
         let mut before = Transform::IDENTITY;
         if let Some((off, beside)) = self.apart(source, target, after.frame) {
@@ -311,26 +316,31 @@ impl<'a> Pair<'a> {
 
     /// From the target to the source, where they lie too far apart in their files to be seen
     /// together, and how near they are brought.
-    fn apart(&self, source: &Shown, target: &Shown, after: Frame) -> Option<(Vec3, f64)> {
+    fn apart(
+        &self,
+        source: &DisplayCloud,
+        target: &DisplayCloud,
+        after: Viewport,
+    ) -> Option<(Vec3, f64)> {
         let off = math::sub(source.middle, target.middle);
         let beside = BESIDE * after.radius;
         (math::norm(off) > beside).then_some((off, beside))
     }
 
     /// How far that is.
-    fn far(&self, source: &Shown, target: &Shown) -> Option<String> {
-        let after = Frame::of(source, target, &self.facts.transform);
-        self.apart(source, target, after).map(|(off, _)| words::short(math::norm(off)))
+    fn far(&self, source: &DisplayCloud, target: &DisplayCloud) -> Option<String> {
+        let after = Viewport::new(source, target, &self.facts.transform);
+        self.apart(source, target, after).map(|(off, _)| text::short(math::norm(off)))
     }
 
     fn poses(&self) -> Vec<Posed> {
         let facts = &self.facts;
-        let mut poses = vec![Posed::of("The pose", &facts.transform, None)];
+        let mut poses = vec![Posed::new("The pose", &facts.transform, None)];
         if let Some(other) = facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref()) {
-            let probability = Some(words::percent(other.probability));
-            poses.push(Posed::of("The best other pose", &other.transform, probability));
+            let probability = Some(text::percent(other.probability));
+            poses.push(Posed::new("The best other pose", &other.transform, probability));
         }
-        poses.extend(self.truth.map(|truth| Posed::of("The true pose", &truth, None)));
+        poses.extend(self.truth.map(|truth| Posed::new("The true pose", &truth, None)));
         poses
     }
 }

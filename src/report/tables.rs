@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::facts::{Counted, Facts, Spread, Stages};
-use super::words;
+use super::text;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::math;
@@ -28,7 +28,7 @@ pub(super) struct Posed {
 }
 
 impl Posed {
-    pub(super) fn of(title: &'static str, pose: &Transform, probability: Option<String>) -> Posed {
+    pub(super) fn new(title: &'static str, pose: &Transform, probability: Option<String>) -> Posed {
         // Adding zero turns -0 into 0.
         let rows = pose.matrix().map(|row| row.map(|x| format!("{:?}", x + 0.0)));
         let vector = pose.rotation_vector();
@@ -47,14 +47,14 @@ impl Posed {
         Posed {
             title,
             probability,
-            matrix: pose.matrix().map(|row| row.map(words::short).into()).into(),
+            matrix: pose.matrix().map(|row| row.map(text::short).into()).into(),
             matrix_text: rows.map(|row| row.join(" ")).join("\n"),
             axis_angle: format!("{:.3}° about ({})", angle.to_degrees(), rounded(&axis, 4)),
             axis_angle_text: all(&vector),
             quaternion: rounded(&quaternion, 5),
             quaternion_text: all(&quaternion),
-            shift: pose.translation.map(words::short).join(", "),
-            scale: (pose.scale != 1.0).then(|| words::short(pose.scale)),
+            shift: pose.translation.map(text::short).join(", "),
+            scale: (pose.scale != 1.0).then(|| text::short(pose.scale)),
         }
     }
 }
@@ -69,14 +69,14 @@ pub(super) struct Uncertainty {
 
 impl Uncertainty {
     /// Root mean squares over the three axes, one standard deviation each.
-    pub(super) fn of(spread: &Spread) -> Uncertainty {
+    pub(super) fn new(spread: &Spread) -> Uncertainty {
         let root = |first: usize| {
             let trace: f64 = (first..first + 3).map(|k| spread.matrix[k][k]).sum();
             (trace / 3.0).max(0.0).sqrt()
         };
         Uncertainty {
-            rotation: words::short(root(0).to_degrees()),
-            shift: words::short(root(3)),
+            rotation: text::short(root(0).to_degrees()),
+            shift: text::short(root(3)),
             loose: spread.undetermined.len(),
         }
     }
@@ -86,22 +86,22 @@ impl Uncertainty {
 pub(super) fn fit(facts: &Facts) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
     if let Some(verdict) = &facts.verdict {
-        let overlap = words::percent(verdict.overlap);
+        let overlap = text::percent(verdict.overlap);
         rows.push(("Overlap", format!("{overlap} of a surface lies on the other and faces alike")));
     }
     if let Some(fit) = &facts.evaluation {
-        let distance = words::short(fit.max_distance);
-        let shares = [fit.fitness, fit.target_fitness].map(words::percent);
+        let distance = text::short(fit.max_distance);
+        let shares = [fit.fitness, fit.target_fitness].map(text::percent);
         rows.push(("Source on target", format!("{} of the points within {distance}", shares[0])));
         rows.push(("Target on source", format!("{} of the points", shares[1])));
         if let Some(rmse) = fit.inlier_rmse {
-            rows.push(("Distance of those", format!("{} (root mean square)", words::short(rmse))));
+            rows.push(("Distance of those", format!("{} (root mean square)", text::short(rmse))));
         }
-        rows.push(("Beyond chance", words::percent(fit.agreement.max(0.0))));
+        rows.push(("Beyond chance", text::percent(fit.agreement.max(0.0))));
     }
     if let (Some(all), Some(effective)) = (facts.connections, facts.effective_connections) {
-        let all = words::count(all as usize);
-        rows.push(("Connections", format!("{all}, {} effective", words::short(effective))));
+        let all = text::count(all as usize);
+        rows.push(("Connections", format!("{all}, {} effective", text::short(effective))));
     }
     if let (Some(iterations), Some(stop)) = (facts.iterations, &facts.stop) {
         rows.push(("Iterations", format!("{iterations}, ended by {}", stop.replace('-', " "))));
@@ -127,7 +127,7 @@ const BARS: usize = 40;
 
 impl Histogram {
     /// Of distances up to `most`.
-    pub(super) fn of(distances: &[f32], most: f64, near: f64) -> Histogram {
+    pub(super) fn new(distances: &[f32], most: f64, near: f64) -> Histogram {
         let mut counts = [0usize; BARS];
         let mut beyond = 0;
         for &distance in distances {
@@ -139,17 +139,17 @@ impl Histogram {
         }
         let highest = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
         let all = distances.len().max(1) as f64;
-        let edge = |k: usize| words::short(most * k as f64 / BARS as f64);
+        let edge = |k: usize| text::short(most * k as f64 / BARS as f64);
         let bar = |(k, &count): (usize, &usize)| {
-            let percent = words::percent(count as f64 / all);
+            let percent = text::percent(count as f64 / all);
             (count as f64 / highest, format!("{percent} from {} to {}", edge(k), edge(k + 1)))
         };
         Histogram {
             bars: counts.iter().enumerate().map(bar).collect(),
-            beyond: words::percent(f64::from(beyond) / all),
+            beyond: text::percent(f64::from(beyond) / all),
             near: near / most,
-            near_text: words::short(near),
-            most_text: words::short(most),
+            near_text: text::short(near),
+            most_text: text::short(most),
         }
     }
 }
@@ -185,15 +185,15 @@ pub(super) fn inputs(
         let dropped = counts.map_or(cloud.dropped(), |counts| counts.dropped);
         Ok(Input {
             name: names[k].clone(),
-            used: words::count(counts.map_or(cloud.len(), |counts| counts.used)),
-            dropped: words::count(dropped),
-            described: counts.and_then(|counts| counts.described).map(words::count),
-            keypoints: counts.and_then(|counts| counts.keypoints).map(words::count),
+            used: text::count(counts.map_or(cloud.len(), |counts| counts.used)),
+            dropped: text::count(dropped),
+            described: counts.and_then(|counts| counts.described).map(text::count),
+            keypoints: counts.and_then(|counts| counts.keypoints).map(text::count),
             oriented_by: counts.and_then(|counts| counts.oriented_by.clone()),
-            diagonal: words::short(cloud.diagonal()),
-            resolution: words::short(search::resolution(cloud.points())?),
-            unit: words::unit(cloud.diagonal()),
-            viewpoint: cloud.viewpoint().map(|at| at.map(words::short).join(", ")),
+            diagonal: text::short(cloud.diagonal()),
+            resolution: text::short(search::resolution(cloud.points())?),
+            unit: text::unit(cloud.diagonal()),
+            viewpoint: cloud.viewpoint().map(|at| at.map(text::short).join(", ")),
             channels: (!channels.is_empty()).then(|| channels.join(", ")),
         })
     };
@@ -208,7 +208,7 @@ pub(super) fn units_differ([source, target]: [f64; 2], scale: f64) -> Option<Str
     let ratio = (source * scale).max(target) / (source * scale).min(target);
     let smaller = if source * scale < target { "source" } else { "target" };
     (ratio > RATIO && ratio.is_finite()).then(|| {
-        format!("The {smaller} is {} times smaller: have both one unit?", words::short(ratio))
+        format!("The {smaller} is {} times smaller: have both one unit?", text::short(ratio))
     })
 }
 
@@ -242,7 +242,7 @@ mod tests {
     fn a_pose_is_written_so_that_it_is_read_back() {
         let mut pose = Transform::from_rotation_vector([0.1, 2.0, -0.3]);
         pose.translation = [1.0 / 3.0, 0.0, -5e6];
-        let posed = Posed::of("a pose", &pose, None);
+        let posed = Posed::new("a pose", &pose, None);
         let read = |text: &str| -> Vec<f64> {
             text.split_whitespace().map(|word| word.parse().unwrap()).collect()
         };
@@ -258,10 +258,10 @@ mod tests {
 
     #[test]
     fn a_histogram_counts_all_points() {
-        let found = Histogram::of(&[0.0, 0.01, 0.99, 1.0, f32::INFINITY], 1.0, 0.2);
+        let found = Histogram::new(&[0.0, 0.01, 0.99, 1.0, f32::INFINITY], 1.0, 0.2);
         assert_eq!((found.bars.len(), found.bars[0].0, found.bars[39].0), (BARS, 1.0, 0.5));
         assert_eq!((found.beyond.as_str(), found.near), ("40 %", 0.2));
-        assert_eq!(Histogram::of(&[], 1.0, 0.2).beyond, "0 %");
+        assert_eq!(Histogram::new(&[], 1.0, 0.2).beyond, "0 %");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use cfreg::batch::{Batch, List, Row, Start, panics_go_to_rows};
+use cfreg::batch::{Batch, List, Row, Start, install_panic_hook};
 use cfreg::cloud::ViewpointSource;
 use cfreg::cloud::shape::boulder;
 use cfreg::method::{Consensus, Method, Pipeline, Register, Registration};
@@ -319,7 +319,7 @@ fn panics_and_time_limits_are_rows() {
     );
     let calls = AtomicUsize::new(0);
     let method = Moody(&calls);
-    panics_go_to_rows();
+    install_panic_hook();
     let mut batch = Batch::new(&method, &"moody");
     batch.time_limit = Some(Duration::from_secs(2));
     batch.threads = 2;

@@ -1,6 +1,6 @@
 //! The covariance of a pose: is it of the size of the errors, and does it know what slides?
 
-use cfreg::benchmark::anywhere;
+use cfreg::benchmark::random_pose;
 use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
 use cfreg::method::{Consensus, Register};
@@ -66,7 +66,7 @@ fn errors_are_of_the_size_that_the_covariance_says() {
                 "boulder" => boulder().sample(8000, trial).unwrap().positions().collect(),
                 _ => ground(8000, &mut draw),
             };
-            let motion = anywhere(trial, 3.0);
+            let motion = random_pose(trial, 3.0);
             let clouds = pair(points.into_iter(), noise, &mut draw, &motion);
             let (pose, covariance) = covariance(&clouds);
             assert!(covariance.unobservable.is_empty());
@@ -107,7 +107,7 @@ fn motions_that_nothing_holds_are_named() {
     for (name, loose, surface) in surfaces {
         let mut draw = Draw(ChaCha8Rng::seed_from_u64(3));
         let points: Vec<Vec3> = (0..10_000).map(|_| surface(&mut draw)).collect();
-        let motion = anywhere(3, 3.0);
+        let motion = random_pose(3, 3.0);
         let (_, covariance) = covariance(&pair(points.into_iter(), 0.01, &mut draw, &motion));
         let found = &covariance.unobservable;
         assert_eq!(found.len(), loose, "{name}: {found:?}");
@@ -141,7 +141,7 @@ fn motions_that_nothing_holds_are_named() {
 fn the_unit_and_the_place_change_nothing_else() {
     let mut draw = Draw(ChaCha8Rng::seed_from_u64(5));
     let points: Vec<Vec3> = boulder().sample(6000, 5).unwrap().positions().collect();
-    let clouds = pair(points.into_iter(), 0.01, &mut draw, &anywhere(5, 3.0));
+    let clouds = pair(points.into_iter(), 0.01, &mut draw, &random_pose(5, 3.0));
     let (_, metres) = covariance(&clouds);
     let larger = Transform { scale: 1024.0, ..Transform::IDENTITY };
     let far = Transform { translation: [5e5, 5.6e6, 0.0], ..larger };
@@ -192,7 +192,7 @@ fn what_is_free_is_told_of_flat_clouds_and_of_copies() {
                 true => points.iter().flat_map(|point| [*point; 2]).collect(),
                 false => points,
             };
-            let motion = anywhere(4, 3.0);
+            let motion = random_pose(4, 3.0);
             let [source, target] = pair(points.into_iter(), 0.0, &mut draw, &motion);
             // The true pose, whatever a search makes of such clouds.
             let judged = Consensus::default().verify(&source, &target, &motion.inverse());

@@ -65,18 +65,34 @@ class Registration(unittest.TestCase):
         kept = cfreg.register(np.vstack([source, zeros]), target, "cf", keep_no_returns=True)
         self.assertEqual(kept.points["source"]["no_returns"], 0)
 
+    def test_names_of_before_still_work_and_say_so(self):
+        for old, new in [("judge", "verify"), ("Doubt", "PoseWarning"), ("TruthError", "PoseError"),
+                         ("Judgement", "EvaluationReport")]:
+            with self.assertWarnsRegex(DeprecationWarning, f"cfreg.{old} is now cfreg.{new}"):
+                self.assertIs(getattr(cfreg, old), getattr(cfreg, new))
+        with self.assertRaises(AttributeError):
+            cfreg.nothing
+
+    def test_names_that_visitors_type(self):
+        found = self.found
+        np.testing.assert_array_equal(found.transformation, found.transform)
+        self.assertEqual((found.fitness, found.inlier_rmse), (found.evaluation.fitness, found.evaluation.inlier_rmse))
+        self.assertEqual(found.probability, found.verdict.probability if found.verdict else None)
+        self.assertEqual(found.doubts, found.warnings)
+        np.testing.assert_allclose(found.inverse() @ found.transform, np.eye(4), atol=1e-12)
+
     def test_any_pose_is_judged(self):
         source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
-        told = cfreg.judge(source, target, self.found)
+        told = cfreg.verify(source, target, self.found)
         self.assertEqual(told.decision, "accept")
         self.assertGreater(told.probability, 0.9)
-        told = cfreg.judge(source, target, np.eye(4), seeds=50)
+        told = cfreg.verify(source, target, np.eye(4), seeds=50)
         self.assertEqual(told.decision, "reject")
         np.testing.assert_allclose(told.runner_up.transform[:3, :3], self.truth[:3, :3], atol=0.1)
         with self.assertRaisesRegex(cfreg.SettingError, "seeds"):
-            cfreg.judge(source, target, np.eye(4), seeds=0)
-        with self.assertRaisesRegex(cfreg.SettingError, "method = 'cf': poses are judged by consensus"):
-            cfreg.judge(source, target, np.eye(4), method="cf")
+            cfreg.verify(source, target, np.eye(4), seeds=0)
+        with self.assertRaisesRegex(cfreg.SettingError, "method = 'cf': poses are verified by consensus"):
+            cfreg.verify(source, target, np.eye(4), method="cf")
 
     def test_a_pose_that_was_refined_has_a_verdict(self):
         source, target = terrain(800, seed=1), turned(terrain(800, seed=2))[0]
@@ -108,10 +124,10 @@ class Registration(unittest.TestCase):
             clouds = [cfreg.read(file) for file in files]
             found = cfreg.register(*files)
             np.testing.assert_array_equal(found.transform, cfreg.register(*clouds).transform)
-            self.assertEqual(repr(cfreg.judge(*files, found)), repr(cfreg.judge(*clouds, found)))
+            self.assertEqual(repr(cfreg.verify(*files, found)), repr(cfreg.verify(*clouds, found)))
             self.assertEqual(cfreg.evaluate(*files, found), cfreg.evaluate(*clouds, found))
             with self.assertRaises(FileNotFoundError):
-                cfreg.judge(Path(folder, "none.ply"), target, found)
+                cfreg.verify(Path(folder, "none.ply"), target, found)
 
     def test_doubts_have_words_and_numbers(self):
         self.assertFalse(self.wrong.trusted)
@@ -155,10 +171,10 @@ class Registration(unittest.TestCase):
     def test_it_tells_itself(self):
         self.assertRegex(
             repr(self.found),
-            r"^Registration\(icp, trusted, turned by 9\d\.\d\d deg, moved by \[.*\], fitness 0\.\d+, "
-            r"agreement 0\.\d+, .* s\)$",
+            r"^Registration\(accept, probability [01]\.\d+, icp, rotation 9\d\.\d\d deg, "
+            r"translation \[.*\], fitness 0\.\d+, .* s\)$",
         )
-        self.assertIn("doubted: low-agreement", repr(self.wrong))
+        self.assertIn("not trusted: low-agreement", repr(self.wrong))
         self.assertEqual(str(self.wrong).count("\n"), len(self.wrong.doubts))
 
     def test_notebooks_show_a_table(self):

@@ -122,7 +122,7 @@ pub enum Test {
 /// How the paper is read where its words leave a choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Reading {
+pub enum Interpretation {
     /// To the letter: the scan's surface sampled by area, normals towards the origin of the
     /// frame, outliers from a ball of radius 0.2.
     Written,
@@ -133,33 +133,34 @@ pub enum Reading {
     Points,
 }
 
-impl Reading {
+impl Interpretation {
     /// All, the first to the letter.
-    pub const ALL: [Reading; 3] = [Reading::Written, Reading::Fitting, Reading::Points];
+    pub const ALL: [Interpretation; 3] =
+        [Interpretation::Written, Interpretation::Fitting, Interpretation::Points];
 
     /// Where normals look.
     pub fn viewpoint(self) -> Viewpoint {
         match self {
-            Reading::Written => Viewpoint::Origin,
-            Reading::Fitting | Reading::Points => Viewpoint::Along,
+            Interpretation::Written => Viewpoint::Origin,
+            Interpretation::Fitting | Interpretation::Points => Viewpoint::Along,
         }
     }
 
     /// Radius of the ball of outliers, metres.
     pub fn radius(self) -> f64 {
         match self {
-            Reading::Written => 0.2,
-            Reading::Fitting | Reading::Points => 0.1,
+            Interpretation::Written => 0.2,
+            Interpretation::Fitting | Interpretation::Points => 0.1,
         }
     }
 }
 
-impl fmt::Display for Reading {
+impl fmt::Display for Interpretation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Reading::Written => "written",
-            Reading::Fitting => "fitting",
-            Reading::Points => "points",
+            Interpretation::Written => "written",
+            Interpretation::Fitting => "fitting",
+            Interpretation::Points => "points",
         })
     }
 }
@@ -170,7 +171,7 @@ pub struct Cell {
     /// The test.
     pub test: Test,
     /// How it is read.
-    pub reading: Reading,
+    pub reading: Interpretation,
     /// On what.
     pub shape: Shape,
     /// Moved how.
@@ -204,7 +205,7 @@ impl Cell {
 
     /// Which model is sampled: of a shape, by a reading, and from which side in degrees where
     /// that is varied.
-    pub(super) fn model(&self) -> (Shape, Reading, Option<u32>) {
+    pub(super) fn model(&self) -> (Shape, Interpretation, Option<u32>) {
         let side = match self.variation {
             Some(Variation::Side(degrees)) => Some(degrees),
             _ => None,
@@ -266,12 +267,12 @@ pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
             }
         }
     };
-    for reading in Reading::ALL {
+    for reading in Interpretation::ALL {
         add(Test::Robustness, reading, Shape::Bunny, 0, trials);
         Shape::ALL.iter().for_each(|&shape| add(Test::Accuracy, reading, shape, 0, trials));
     }
     for level in 1..=levels {
-        add(Test::Sensitivity, Reading::Fitting, Shape::Bunny, 200 * level / levels, noisy);
+        add(Test::Sensitivity, Interpretation::Fitting, Shape::Bunny, 200 * level / levels, noisy);
     }
     cells
 }

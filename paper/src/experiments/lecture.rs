@@ -26,7 +26,7 @@ pub const POINTS: usize = 30_000;
 const PAIR: (&str, &str) = ("tls_3dtk/scan001.ply", "tls_3dtk/scan000.ply");
 
 /// The pair and what became of it.
-pub struct Hall {
+pub struct LectureHall {
     source: PointCloud,
     target: PointCloud,
     outcomes: Vec<Outcome>,
@@ -50,7 +50,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Those of the readers and of the methods.
-pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
+pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
     let (source, target) = (data.join(PAIR.0), data.join(PAIR.1));
     let Some(truth) = truth(&data.join("pairs.csv"))? else { return Ok(None) };
     if !(source.is_file() && target.is_file()) {
@@ -78,11 +78,11 @@ pub fn run(data: &Path, points: usize) -> Result<Option<Hall>> {
         ("cf-multiscale", Method::Cf(Cf::multiscale())),
     ];
     let outcomes = methods.into_iter().map(outcome).collect::<Result<_>>()?;
-    Ok(Some(Hall { source, target, outcomes }))
+    Ok(Some(LectureHall { source, target, outcomes }))
 }
 
 /// The clouds as they lie, and under each pose.
-pub fn panels(hall: &Hall) -> Vec<Panel> {
+pub fn panels(hall: &LectureHall) -> Vec<Panel> {
     let panel =
         |title: String, source: &PointCloud| Panel { title, content: pair(&hall.target, source) };
     let mut panels = vec![panel("initial (terrestrial scans that stand in)".into(), &hall.source)];
@@ -101,7 +101,7 @@ pub fn panels(hall: &Hall) -> Vec<Panel> {
 ///
 /// # Errors
 /// [`Error::Io`].
-pub fn write(hall: &Hall, path: &Path) -> Result<()> {
+pub fn write(hall: &LectureHall, path: &Path) -> Result<()> {
     let text = serde_json::to_string_pretty(&hall.outcomes).unwrap_or_default();
     files::write_bytes(path, (text + "\n").as_bytes())
 }

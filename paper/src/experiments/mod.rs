@@ -2,12 +2,12 @@
 //! beside the printed ones, and what becomes of them by each choice that the paper leaves.
 
 pub mod cell;
+pub mod interpretations;
 mod lecture;
 pub mod models;
 pub mod pairs;
 mod pictures;
 pub mod printed;
-pub mod readings;
 mod record;
 pub mod tables;
 pub mod variation;
@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 pub use record::{Record, Trials};
 
-use self::cell::{Cell, Reading, Shape, Test};
+use self::cell::{Cell, Interpretation, Shape, Test};
 use self::models::Source;
 use self::tables::Results;
 use crate::files;
@@ -42,7 +42,7 @@ pub struct Options {
 pub enum Part {
     /// A test of section IV, as the paper has it.
     Test(Test),
-    /// The tests by each choice that the paper leaves ([`readings`]).
+    /// The tests by each choice that the paper leaves ([`interpretations`]).
     Readings,
 }
 
@@ -79,7 +79,7 @@ fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
 pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Outcome> {
     let (trials, noisy, varied, levels) = sizes(options.smoke);
     let mut cells = cell::cells(trials, noisy, levels);
-    cells.extend(readings::cells(varied, options.smoke));
+    cells.extend(interpretations::cells(varied, options.smoke));
     let (sources, left_out) = load(options, &cells)?;
     cells.retain(|cell| sources.contains_key(&cell.model()));
     let wanted = |cell: &Cell| options.only.is_none_or(|part| part.has(cell));
@@ -107,7 +107,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     let write =
         |name: &str, text: String| files::write_bytes(&options.output.join(name), text.as_bytes());
     if options.only.is_none_or(|part| part == Part::Readings) {
-        write("readings.md", readings::markdown(&results))?;
+        write("readings.md", interpretations::markdown(&results))?;
     }
     if options.only != Some(Part::Readings) {
         write("tables.md", tables::markdown(&results))?;
@@ -117,7 +117,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     Ok(Outcome { results, left_out })
 }
 
-type Sources = BTreeMap<(Shape, Reading, Option<u32>), Source>;
+type Sources = BTreeMap<(Shape, Interpretation, Option<u32>), Source>;
 
 /// The models that `cells` need, and a line for each that is not there.
 fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {

@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::cell::{Reading, Shape};
+use super::cell::{Interpretation, Shape};
 use crate::Model;
 use cfreg::cloud::Mesh;
 use cfreg::error::{Error, Result};
@@ -37,12 +37,12 @@ enum Form {
 const ARMADILLO: [&str; 2] = ["armadillo.ply", "Armadillo.ply"];
 
 /// A shape's files, the paper's first: the folder that each has in a mirror, and its name.
-fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static str, Form)] {
+fn files(shape: Shape, reading: Interpretation) -> &'static [(&'static str, &'static str, Form)] {
     const SCAN: (&str, &str, Form) = ("stanford_armadillo", "ArmadilloStand_180.ply", Form::Scan);
     match (shape, reading) {
         (Shape::Bunny, _) => &[("stanford_bunny", "bun000.ply", Form::Scan)],
         (Shape::Dragon, _) => &[("stanford_dragon_stand", "dragonStandRight_0.ply", Form::Scan)],
-        (Shape::Armadillo, Reading::Points) => {
+        (Shape::Armadillo, Interpretation::Points) => {
             &[SCAN, ("stanford_armadillo_simulated", "armadilloVirtual_180.ply", Form::Simulated)]
         }
         (Shape::Armadillo, _) => &[
@@ -54,7 +54,7 @@ fn files(shape: Shape, reading: Reading) -> &'static [(&'static str, &'static st
 }
 
 /// How a shape's files are had.
-fn advice(shape: Shape, reading: Reading) -> &'static str {
+fn advice(shape: Shape, reading: Interpretation) -> &'static str {
     match (shape, reading) {
         (Shape::Bunny, _) => {
             "no such scan; `python3 data/fetch.py bun000` fetches it into data/scans, --data names \
@@ -64,7 +64,7 @@ fn advice(shape: Shape, reading: Reading) -> &'static str {
             "no such scan; `python3 data/fetch.py dragonStandRight_0` fetches it into data/scans, \
              --data names another folder"
         }
-        (Shape::Armadillo, Reading::Points) => {
+        (Shape::Armadillo, Interpretation::Points) => {
             "no such scan, nor armadilloVirtual_180.ply, a scan simulated from the mesh; put either \
              beside the others"
         }
@@ -81,7 +81,7 @@ fn advice(shape: Shape, reading: Reading) -> &'static str {
 /// # Errors
 /// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
 /// [`io::read_mesh`].
-pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
+pub fn load(folder: &Path, shape: Shape, reading: Interpretation) -> Result<Source> {
     from(folder, files(shape, reading), reading, 0, advice(shape, reading))
 }
 
@@ -91,7 +91,7 @@ pub fn load(folder: &Path, shape: Shape, reading: Reading) -> Result<Source> {
 /// # Errors
 /// As [`load`].
 pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
-    let (shape, reading) = (Shape::Armadillo, Reading::Fitting);
+    let (shape, reading) = (Shape::Armadillo, Interpretation::Fitting);
     let meshes = &files(shape, reading)[1..];
     from(folder, meshes, reading, degrees, advice(shape, reading))
 }
@@ -100,7 +100,7 @@ pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
 fn from(
     folder: &Path,
     files: &[(&str, &str, Form)],
-    reading: Reading,
+    reading: Interpretation,
     degrees: u32,
     advice: &str,
 ) -> Result<Source> {
@@ -113,7 +113,9 @@ fn from(
         return Err(Error::io(path, missing));
     };
     let (model, remark) = match form {
-        Form::Scan if reading == Reading::Points => (Model::from(io::read(&path)?), String::new()),
+        Form::Scan if reading == Interpretation::Points => {
+            (Model::from(io::read(&path)?), String::new())
+        }
         Form::Scan => (Model::from(io::read_mesh(&path)?), String::new()),
         Form::Simulated => (
             Model::from(io::read(&path)?),

@@ -7,7 +7,7 @@
 
 use std::path::Path;
 
-use super::cell::{self, Cell, Contender, Reading, Test};
+use super::cell::{self, Cell, Contender, Interpretation, Test};
 use super::{Options, record};
 use crate::Model;
 use crate::files;
@@ -22,7 +22,7 @@ use cfreg::error::{Error, Result};
 /// [`Error::Io`] for missing scans or a folder that cannot be written, those of the readers.
 pub fn write(options: &Options, folder: &Path) -> Result<Vec<String>> {
     let wanted = |cell: &Cell| {
-        cell.reading == Reading::Fitting
+        cell.reading == Interpretation::Fitting
             && cell.test != Test::Sensitivity
             && options.only.is_none_or(|part| part.has(cell))
             // The pairs do not depend on who registers them.
@@ -102,7 +102,7 @@ mod tests {
     fn files_hold_what_contenders_are_given() {
         let cell = Cell {
             test: Test::Robustness,
-            reading: Reading::Fitting,
+            reading: Interpretation::Fitting,
             shape: Shape::Bunny,
             motion: Motion::Large,
             contender: Contender::Cf,

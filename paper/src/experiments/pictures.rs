@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, Contender, Reading, Shape, Test};
+use super::cell::{Cell, Contender, Interpretation, Shape, Test};
 use super::lecture;
 use super::models::{self, Source};
 use super::record::{POINTS, Record, SEED};
@@ -52,7 +52,7 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
 
 /// The model of `shape`, if it is there.
 fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
-    match models::load(data, shape, Reading::Fitting) {
+    match models::load(data, shape, Interpretation::Fitting) {
         Err(error) if models::is_missing(&error) => Ok(None),
         found => found.map(Some),
     }
@@ -146,7 +146,7 @@ fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>>
 }
 
 fn robustness(bunny: &Source, motion: Motion, number: u64) -> Result<Trial> {
-    let protocol = Protocol::Robustness { outliers: 100, radius: Reading::Fitting.radius() };
+    let protocol = Protocol::Robustness { outliers: 100, radius: Interpretation::Fitting.radius() };
     protocol.trial(&bunny.model, drawn(motion, number))
 }
 
@@ -165,7 +165,7 @@ fn by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
 }
 
 fn drawn(motion: Motion, number: u64) -> Draw {
-    let viewpoint = Reading::Fitting.viewpoint();
+    let viewpoint = Interpretation::Fitting.viewpoint();
     Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::cell::Cell;
 use super::models::Source;
 use crate::protocol::{Draw, REVISION, Trial};
-use crate::{Model, Spread, sheet};
+use crate::{Model, Spread, csv_cache};
 use cfreg::error::Result;
 use cfreg::method::{Method, Register};
 use cfreg::par;
@@ -146,12 +146,12 @@ impl Trials {
     /// # Errors
     /// [`Error::Io`](cfreg::Error::Io).
     pub fn write(&self, cell: &Cell, source: &Source, path: &Path) -> Result<()> {
-        sheet::write(path, &Configuration::of(cell, source), &self.records)
+        csv_cache::write(path, &Configuration::of(cell, source), &self.records)
     }
 
     /// Reads what [`write`](Self::write) wrote, if it is there, whole and of this very cell.
     pub fn read(cell: &Cell, source: &Source, path: &Path) -> Option<Self> {
-        let records = sheet::read(path, &Configuration::of(cell, source))?;
+        let records = csv_cache::read(path, &Configuration::of(cell, source))?;
         Some(Trials { records })
     }
 
@@ -170,7 +170,7 @@ impl Trials {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cell::{Contender, Reading, Shape, Test};
+    use super::super::cell::{Contender, Interpretation, Shape, Test};
     use super::*;
     use crate::Motion;
     use cfreg::cloud::shape::boulder;
@@ -178,7 +178,7 @@ mod tests {
     fn cell(trials: usize) -> Cell {
         Cell {
             test: Test::Accuracy,
-            reading: Reading::Fitting,
+            reading: Interpretation::Fitting,
             shape: Shape::Bunny,
             motion: Motion::Large,
             contender: Contender::Cf,

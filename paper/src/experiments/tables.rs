@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::cell::{Cell, Contender, Reading, Shape, Test};
+use super::cell::{Cell, Contender, Interpretation, Shape, Test};
 use super::printed::printed;
 use super::record::{Record, Trials};
 use crate::{Motion, Spread};
@@ -73,7 +73,7 @@ pub(super) struct Entry {
     pub(super) failures: usize,
 }
 
-fn table(results: &Results, test: Test, reading: Reading) -> Table {
+fn table(results: &Results, test: Test, reading: Interpretation) -> Table {
     let columns = columns(test);
     let title = match test {
         Test::Robustness => "Table I: average shift (m)",
@@ -159,7 +159,7 @@ const LEGEND: &str = "# The paper's tables, ours beside the printed\n\n\
     mesh that faces the sensor stands in, in `points` a scan simulated from it.\n";
 
 /// Whether a cell is of the paper's tables, and of this one.
-fn is_of(cell: &Cell, test: Test, reading: Reading) -> bool {
+fn is_of(cell: &Cell, test: Test, reading: Interpretation) -> bool {
     cell.variation.is_none() && (cell.test, cell.reading) == (test, reading)
 }
 
@@ -167,7 +167,7 @@ fn tables(results: &Results) -> Vec<Table> {
     let there = |test, reading| results.values().any(|(cell, _)| is_of(cell, test, reading));
     let all = [Test::Robustness, Test::Accuracy]
         .into_iter()
-        .flat_map(|test| Reading::ALL.map(|reading| (test, reading)));
+        .flat_map(|test| Interpretation::ALL.map(|reading| (test, reading)));
     all.filter(|&(test, reading)| there(test, reading))
         .map(|(test, reading)| table(results, test, reading))
         .collect()

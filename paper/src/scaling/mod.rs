@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 pub use growth::Growth;
 pub use report::{draw, markdown};
 
-use super::experiments::cell::{Reading, Shape};
+use super::experiments::cell::{Interpretation, Shape};
 use super::experiments::models;
 use super::protocol::{Draw, Protocol, REVISION, Trial};
-use super::{Model, Motion, sheet};
+use super::{Model, Motion, csv_cache};
 use cfreg::error::{Error, Result};
 use cfreg::method::{Method, Register, Registration};
 use cfreg::par;
@@ -101,7 +101,7 @@ pub struct Run {
 #[derive(Serialize)]
 struct Settings<'a> {
     shape: Shape,
-    reading: Reading,
+    reading: Interpretation,
     motion: Motion,
     seed: u64,
     sizes: &'a [usize],
@@ -119,7 +119,7 @@ const REMARK: &str =
 
 const SEED: u64 = 2020;
 const MOTION: Motion = Motion::Small;
-const READING: Reading = Reading::Fitting;
+const READING: Interpretation = Interpretation::Fitting;
 
 /// Measures every method at every size within the limit, or reads what was measured before;
 /// `progress` is told how many of how many runs are done.
@@ -153,12 +153,12 @@ pub fn run(
         methods: &methods,
         remark: REMARK,
     };
-    if let Some(runs) = sheet::read(&path, &settings) {
+    if let Some(runs) = csv_cache::read(&path, &settings) {
         return Ok(runs);
     }
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
     let runs = measured(options, &methods, &model, meter, progress)?;
-    sheet::write(&path, &settings, &runs)?;
+    csv_cache::write(&path, &settings, &runs)?;
     Ok(runs)
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::Views;
-use crate::experiments::cell::{Reading, Shape};
+use crate::experiments::cell::{Interpretation, Shape};
 use crate::experiments::models;
 use crate::protocol::{Draw, Protocol, Trial, Viewpoint};
 use crate::{Model, Motion};
@@ -113,7 +113,7 @@ impl Scenes {
         let (mut scans, mut objects, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         let mut last = None;
         for shape in Shape::ALL {
-            match models::load(folder, shape, Reading::Fitting) {
+            match models::load(folder, shape, Interpretation::Fitting) {
                 Ok(source) => scans.push((shape, source.model)),
                 Err(error) if models::is_missing(&error) => {
                     left_out.push(models::left_out(shape, &error));

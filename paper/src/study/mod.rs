@@ -20,12 +20,12 @@ use std::path::PathBuf;
 pub use condition::{Condition, Scenes};
 pub use ranking::{Interval, Standing};
 pub use scheme::{Place, Points, Scheme};
-pub use screening::Screened;
+pub use screening::ScreeningResult;
 pub use trials::Outcome;
 
 use self::ranking::Errors;
 use self::trials::{Draws, Entrant};
-use super::sheet;
+use super::csv_cache;
 use crate::files;
 use cfreg::error::{Error, Result};
 use cfreg::figure::Figure;
@@ -47,7 +47,7 @@ pub struct Options {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
     /// Every place of the grid in every condition.
-    pub screened: Vec<Screened>,
+    pub screened: Vec<ScreeningResult>,
     /// The finalists, the best first.
     pub standings: Vec<Standing>,
     /// Their trials by condition, trial by trial.
@@ -117,7 +117,7 @@ pub fn run(
         let draws = Draws::new(scenes, condition, SEEDS[1], many);
         let path = options.output.join(format!("final_{}.csv", condition.stem()));
         let maker = ("final", draws);
-        let known = sheet::read(&path, &maker).filter(|rows: &Vec<Outcome>| {
+        let known = csv_cache::read(&path, &maker).filter(|rows: &Vec<Outcome>| {
             options.own.is_empty()
                 && rows.len() == many * names.len()
                 && rows.iter().zip(names.iter().cycle()).all(|(r, n)| r.scheme == *n)
@@ -126,7 +126,7 @@ pub fn run(
             Some(known) => known,
             None => {
                 let outcomes = trials::run(scenes, draws, &entrants)?;
-                sheet::write(&path, &maker, &outcomes)?;
+                csv_cache::write(&path, &maker, &outcomes)?;
                 outcomes
             }
         };

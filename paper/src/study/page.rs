@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Study;
 use cfreg::error::Result;
-use cfreg::report::listing::{Cell, Line, Listing};
+use cfreg::report::table_page::{TableCell, TablePage, TableRow};
 
 impl Study {
     /// Writes a page into `folder`, `index.html`: the curves, and all finalists, those that are
@@ -17,7 +17,7 @@ impl Study {
     }
 }
 
-fn listing(study: &Study) -> Result<Listing> {
+fn listing(study: &Study) -> Result<TablePage> {
     let kinds: Vec<&'static str> = study
         .standings
         .first()
@@ -27,17 +27,21 @@ fn listing(study: &Study) -> Result<Listing> {
         let overall = standing.overall;
         let numbers = [overall.value, overall.low, overall.high].into_iter();
         let kinds = standing.kinds.iter().map(|(_, interval)| interval.value);
-        let cells = numbers.chain(kinds).map(|value| Cell::number(Some(value)));
+        let cells = numbers.chain(kinds).map(|value| TableCell::number(Some(value)));
         let tone = match overall {
             all if all.high < 1.0 => "good",
             all if all.low > 1.0 => "bad",
             _ => "unsure",
         };
-        let name = Cell::text(&standing.scheme);
-        Line { tone, cells: std::iter::once(name).chain(cells).collect(), ..Line::default() }
+        let name = TableCell::text(&standing.scheme);
+        TableRow {
+            tone,
+            cells: std::iter::once(name).chain(cells).collect(),
+            ..TableRow::default()
+        }
     });
     let [few, many] = study.trials;
-    let mut listing = Listing {
+    let mut listing = TablePage {
         title: "Weight schemes".into(),
         lines: vec![format!(
             "Errors of the rotation over those of the paper's scheme, below 1 where they are \
@@ -46,7 +50,7 @@ fn listing(study: &Study) -> Result<Listing> {
         )],
         columns,
         rows: rows.collect(),
-        ..Listing::default()
+        ..TablePage::default()
     };
     listing.draw(
         &study.figure(),

@@ -3,7 +3,7 @@
 use super::condition::Condition;
 use super::scheme::{Place, Points};
 use super::tables::of;
-use super::{BESIDE, Outcome, Screened, Study};
+use super::{BESIDE, Outcome, ScreeningResult, Study};
 use crate::Spread;
 use cfreg::figure::{Axes, Content, Curve, Figure, Panel};
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
@@ -113,7 +113,8 @@ fn screening(title: String, x: &str, axes: Axes, curves: Vec<Curve>) -> Panel {
 
 fn median(study: &Study, condition: Condition, place: Place) -> Option<f64> {
     let (name, (kind, amount)) = (place.name(), condition.kind());
-    let is_it =
-        |row: &&Screened| row.scheme == name && row.condition == kind && row.amount == amount;
+    let is_it = |row: &&ScreeningResult| {
+        row.scheme == name && row.condition == kind && row.amount == amount
+    };
     study.screened.iter().find(is_it)?.median_deg
 }

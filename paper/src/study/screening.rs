@@ -9,12 +9,12 @@ use super::once;
 use super::ranking::{self, Errors};
 use super::scheme::{Place, Scheme};
 use super::trials::{self, Draws, Entrant, Outcome};
-use crate::sheet;
+use crate::csv_cache;
 use cfreg::error::Result;
 
 /// A place of the grid in one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Screened {
+pub struct ScreeningResult {
     /// Name of the scheme: the next four.
     pub scheme: String,
     /// How points are described.
@@ -43,13 +43,13 @@ pub(super) fn run(
     draws: Draws<'_>,
     grid: &[Scheme],
     folder: &Path,
-) -> Result<Vec<Screened>> {
+) -> Result<Vec<ScreeningResult>> {
     let path = folder.join(format!("screening_{}.csv", draws.condition.stem()));
     let maker = ("screening", draws);
-    let same = |rows: &Vec<Screened>| {
+    let same = |rows: &Vec<ScreeningResult>| {
         rows.len() == grid.len() && rows.iter().zip(grid).all(|(row, at)| row.scheme == at.name)
     };
-    if let Some(known) = sheet::read(&path, &maker).filter(same) {
+    if let Some(known) = csv_cache::read(&path, &maker).filter(same) {
         return Ok(known);
     }
     let entrants: Vec<Entrant<'_>> = grid.iter().map(Entrant::Scheme).collect();
@@ -60,8 +60,8 @@ pub(super) fn run(
         let of = outcomes.iter().skip(at).step_by(grid.len());
         row(&grid[at], draws.condition, means[at], of)
     };
-    let rows: Vec<Screened> = (0..grid.len()).map(row).collect();
-    sheet::write(&path, &maker, &rows)?;
+    let rows: Vec<ScreeningResult> = (0..grid.len()).map(row).collect();
+    csv_cache::write(&path, &maker, &rows)?;
     Ok(rows)
 }
 
@@ -70,7 +70,7 @@ fn row<'a>(
     condition: Condition,
     mean_frobenius: f64,
     outcomes: impl Iterator<Item = &'a Outcome>,
-) -> Screened {
+) -> ScreeningResult {
     let mut degrees: Vec<f64> =
         outcomes.map(|outcome| outcome.rotation_deg.unwrap_or(f64::INFINITY)).collect();
     degrees.sort_by(f64::total_cmp);
@@ -79,7 +79,7 @@ fn row<'a>(
     let median = middle[0].zip(middle[1]).map(|(a, b)| (a + b) / 2.0).filter(|m| m.is_finite());
     let Place { points, kernel, beta, normalize } = scheme.place.unwrap_or(Place::PAPER);
     let (kind, amount) = condition.kind();
-    Screened {
+    ScreeningResult {
         scheme: scheme.name.clone(),
         points: points.name(),
         kernel: kernel.to_string(),
@@ -100,7 +100,7 @@ const BEST_OF_KIND: usize = 2;
 /// Who goes on: the paper's scheme, the steps from it to [`Place::BEST`], the control, and
 /// the best of the screening, overall and of each kind; each once, in this order.
 pub(super) fn finalists<'a>(
-    screened: &[Screened],
+    screened: &[ScreeningResult],
     conditions: &[Condition],
     grid: &'a [Scheme],
 ) -> Vec<&'a Scheme> {
@@ -121,7 +121,7 @@ pub(super) fn finalists<'a>(
 
 /// [`ranking::scores`] of all places, against the one numbered `base`.
 pub(super) fn scores(
-    screened: &[Screened],
+    screened: &[ScreeningResult],
     conditions: &[Condition],
     base: usize,
 ) -> Vec<Vec<f64>> {

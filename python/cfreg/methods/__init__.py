@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 from .. import _interop, _native
 from ..results import Registration
-from .base import Method, Refinements, Starting
-from .by_consensus import Consensus, judge
+from .base import Method, Refinements, LocalMethod
+from .by_consensus import Consensus, verify
 from .by_descriptor import CF, CFK, TEASER
 from .by_position import CPD, DARE, ICP, KC
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "judge", "method", "register"]
+__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "verify", "method", "register"]
 
 METHODS: Mapping[str, Callable[..., Method]] = {
     "consensus": Consensus,
@@ -141,7 +141,7 @@ def register(
     chosen = _made(method, settings)
     others: dict[str, Any] = {}
     if initial is not None:
-        if not isinstance(chosen, Starting):
+        if not isinstance(chosen, LocalMethod):
             raise _native.SettingError(f"initial: {chosen.name} starts from no pose: leave it out")
         others["initial"] = initial
     if matches is not None:

@@ -135,7 +135,7 @@ def _refinement(given: Any) -> tuple[str, str]:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Starting(Method):
+class LocalMethod(Method):
     """A method that starts from a pose."""
 
     def register(
@@ -159,7 +159,7 @@ class Starting(Method):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Describing(Method):
+class FeatureMethod(Method):
     """A method that describes points by FPFH.
 
     neighbors : nearest points of a neighbourhood, the point itself counted, at least 3
@@ -197,7 +197,7 @@ class Describing(Method):
     def _given(self) -> dict[str, Any]:
         given = super()._given()
         if self.radius is not None:
-            if given.pop("neighbors") != Describing.neighbors:
+            if given.pop("neighbors") != FeatureMethod.neighbors:
                 rule = "radius takes its place: leave one of them out"
                 given_too = _interop.shown(self.neighbors)
                 raise _native.SettingError(f"neighbors = {given_too}: {rule}")

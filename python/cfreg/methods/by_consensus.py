@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Consensus(Method):
-    """Scans that overlap in part: matches that agree with each other, judged on the surfaces.
+    """Scans that overlap in part: matches that agree with each other, verified on the surfaces.
 
     Its results have a `verdict`: how probable the pose is, why, and what else it might be.
 
@@ -68,7 +68,7 @@ class Consensus(Method):
                     raise _native.SettingError(f"model = {os.fspath(self.model)}: {rule}") from None
         return given
 
-    def judge(self, source: Any, target: Any, transform: npt.ArrayLike) -> Verdict:
+    def verify(self, source: Any, target: Any, transform: npt.ArrayLike) -> Verdict:
         """Whether a pose is right, whoever found it.
 
         Searches as `register` does, and looks at the pose beside what is found: another one that
@@ -85,18 +85,18 @@ class Consensus(Method):
         return Verdict._of(json.loads(told))
 
 
-def judge(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -> Verdict:
-    """Whether a pose is right, whoever found it: `Consensus(**settings).judge`.
+def verify(source: Any, target: Any, transform: npt.ArrayLike, **settings: Any) -> Verdict:
+    """Whether a pose is right, whoever found it: `Consensus(**settings).verify`.
 
     >>> import cfreg, numpy as np
     >>> x, y = np.random.default_rng(0).uniform(-1, 1, (2, 1000))
     >>> cloud = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x - 2])
-    >>> cfreg.judge(cloud, cloud + [3, 4, 5], np.eye(4)).decision
+    >>> cfreg.verify(cloud, cloud + [3, 4, 5], np.eye(4)).decision
     'reject'
     """
     fields = [field.name for field in dataclasses.fields(Consensus)]
     for name, value in settings.items():
         if name not in fields:
-            rule = f"poses are judged by consensus, which has no such setting; it has {', '.join(fields)}"
+            rule = f"poses are verified by consensus, which has no such setting; it has {', '.join(fields)}"
             raise _native.SettingError(f"{name} = {_interop.shown(value)}: {rule}")
-    return Consensus(**settings).judge(source, target, transform)
+    return Consensus(**settings).verify(source, target, transform)

@@ -10,14 +10,14 @@ from .. import _interop, _native
 from ..prior import Prior
 from ..results import Registration
 from ..weights import Kernel, Weights, _kernel
-from .base import Describing, Refinements
+from .base import FeatureMethod, Refinements
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class CF(Describing):
+class CF(FeatureMethod):
     """The paper's full connection: describe every point, connect all, solve once.
 
     Finds any rotation without a start where both clouds show the same surface; partial
@@ -122,7 +122,7 @@ class CFK(CF):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class TEASER(Describing):
+class TEASER(FeatureMethod):
     """Matches of descriptors, the largest consistent set of them, truncated least squares.
 
     cross_check : whether matches must be the best both ways

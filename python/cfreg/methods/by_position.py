@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 from .. import _native
 from ..prior import Prior
-from .base import Starting
+from .base import LocalMethod
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ICP(Starting):
+class ICP(LocalMethod):
     """Iterative closest point: finds the nearest rest, from within about 20 degrees.
 
     metric : "point", "plane" or "generalized"
@@ -67,7 +67,7 @@ class ICP(Starting):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class KC(Starting):
+class KC(LocalMethod):
     """Kernel Correlation: positions weighed by a Gaussian that shrinks.
 
     sigma, last_sigma : first and last bandwidth, in the target's unit. None: from the clouds
@@ -90,7 +90,7 @@ class KC(Starting):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class CPD(Starting):
+class CPD(LocalMethod):
     """Coherent Point Drift, rigid.
 
     outliers : share of points that belong to nothing, 0 to below 1
@@ -116,7 +116,7 @@ class CPD(Starting):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class DARE(Starting):
+class DARE(LocalMethod):
     """Density-adaptive registration: both clouds to a latent mixture.
 
     components : of the mixture. None: from the clouds

@@ -27,7 +27,7 @@ use serde_json::Value;
 use self::footer::{Footer, Leaf, Physical};
 use self::pages::Pages;
 pub(super) use self::write::write;
-use super::{Row, panics};
+use super::{Row, panic_hook};
 use crate::error::{Error, Result};
 use crate::io::limited_file::MemoryBudget;
 
@@ -109,7 +109,7 @@ fn guarded<T>(path: &Path, work: impl FnOnce(Closed<'_>) -> Result<T>) -> Result
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, what)));
     }
     let file = File::open(path).map_err(failed)?;
-    panics::caught(|| work(Closed { path, file, size: facts.len() }))
+    panic_hook::caught(|| work(Closed { path, file, size: facts.len() }))
         .unwrap_or_else(|_| Err(unreadable(path, "the decoder fails on it".into())))
 }
 

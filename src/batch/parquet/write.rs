@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use super::KEY;
 use crate::batch::Row;
-use crate::batch::cells::Cell;
+use crate::batch::columns::Cell;
 use crate::error::{Error, Result};
 
 /// Rows that are in memory at once, when they are written.

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 
 use super::cloud::PyCloud;
-use super::doorway::released;
 use super::errors::ShapeError;
-use super::foreign::BadRows;
+use super::gil::released;
+use super::interop::BadRows;
 use cfreg::cloud::PointCloud;
 use cfreg::io;
 

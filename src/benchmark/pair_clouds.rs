@@ -10,7 +10,7 @@ use crate::{filter, io};
 
 /// Clouds that were read, the last few of them.
 #[derive(Default)]
-pub(super) struct Clouds {
+pub(super) struct PairClouds {
     held: HashMap<PathBuf, PointCloud>,
     order: Vec<PathBuf>,
 }
@@ -18,7 +18,7 @@ pub(super) struct Clouds {
 /// Clouds that are held.
 const HELD: usize = 32;
 
-impl Clouds {
+impl PairClouds {
     pub(super) fn get(&mut self, path: &Path, settings: Settings, seed: u64) -> Result<PointCloud> {
         if !self.held.contains_key(path) {
             let cloud = io::read(path)?;

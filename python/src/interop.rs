@@ -7,9 +7,9 @@ use pyo3::types::PyDict;
 
 use super::arrays::{Table, interop};
 use super::cloud::PyCloud;
-use super::detached::detached;
 use super::errors::{ShapeError, about, exception};
 use super::rows::Rows;
+use super::shutdown::detached;
 use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 use cfreg::math::Vec3;
 

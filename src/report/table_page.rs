@@ -6,14 +6,14 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::{Pair, page, words};
+use super::{Pair, page, text};
 use crate::error::{Error, Result};
 use crate::figure::Figure;
 use crate::io;
 
 /// A page with a table that can be sorted.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Listing {
+pub struct TablePage {
     /// Title of the page.
     pub title: String,
     /// Sentences above the table.
@@ -23,7 +23,7 @@ pub struct Listing {
     /// Names of the columns.
     pub columns: Vec<&'static str>,
     /// The rows, in their order.
-    pub rows: Vec<Line>,
+    pub rows: Vec<TableRow>,
     /// Whether any row has a picture.
     pub pictures: bool,
     /// Version of the crate; filled in.
@@ -32,11 +32,11 @@ pub struct Listing {
 
 /// A row.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Line {
+pub struct TableRow {
     /// `good`, `unsure` or `bad`.
     pub tone: &'static str,
     /// One a column.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<TableCell>,
     /// The page of the pair, relative to this one.
     pub link: Option<String>,
     /// PNG in base64.
@@ -45,7 +45,7 @@ pub struct Line {
 
 /// What stands in a column, and by what it is sorted where that is a number.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Cell {
+pub struct TableCell {
     text: String,
     number: Option<f64>,
 }
@@ -57,26 +57,26 @@ const POINTS: usize = 20_000;
 /// Where the pages of pairs are, beside that of the list.
 const FOLDER: &str = "pairs";
 
-impl Cell {
+impl TableCell {
     /// Words.
-    pub fn text(text: impl Into<String>) -> Cell {
-        Cell { text: text.into(), number: None }
+    pub fn text(text: impl Into<String>) -> TableCell {
+        TableCell { text: text.into(), number: None }
     }
 
     /// A number; empty where there is none.
-    pub fn number(value: Option<f64>) -> Cell {
+    pub fn number(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
-        Cell { text: value.map_or_else(String::new, words::short), number: value }
+        TableCell { text: value.map_or_else(String::new, text::short), number: value }
     }
 
     /// A share as percent; empty where there is none.
-    pub fn share(value: Option<f64>) -> Cell {
+    pub fn share(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
-        Cell { text: value.map_or_else(String::new, words::percent), number: value }
+        TableCell { text: value.map_or_else(String::new, text::percent), number: value }
     }
 }
 
-impl Line {
+impl TableRow {
     /// Writes the page of a pair into `folder`, and links it.
     pub(super) fn open(&mut self, mut pair: Pair<'_>, folder: &Path, number: usize) -> Result<()> {
         pair.points = POINTS;
@@ -90,7 +90,7 @@ impl Line {
     }
 }
 
-impl Listing {
+impl TablePage {
     /// Adds the curves of a figure.
     ///
     /// # Errors

@@ -10,23 +10,23 @@ use crate::filter::Downsampling;
 use crate::io;
 
 /// What `cfreg register --json` printed, read again.
-pub struct Kept {
+pub struct SavedResult {
     facts: Facts,
     path: PathBuf,
 }
 
-impl Kept {
+impl SavedResult {
     /// Reads a result.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
-    pub fn read(path: &Path) -> Result<Kept> {
+    pub fn read(path: &Path) -> Result<SavedResult> {
         let text = io::limited_file::read_text(
             path,
             io::limited_file::MAX_DOCUMENT_BYTES,
             "what `cfreg register --json` prints",
         )?;
-        Ok(Kept { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
+        Ok(SavedResult { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 
     /// Files of source and target, as the command was given them.
@@ -77,7 +77,7 @@ impl Kept {
                 return Err(self.wrong(what));
             }
         }
-        Ok(Pair::of(self.facts.clone(), source, target))
+        Ok(Pair::new_from_facts(self.facts.clone(), source, target))
     }
 
     fn wrong(&self, what: String) -> Error {

@@ -12,7 +12,7 @@ use crate::filter::Downsampling;
 use crate::method::{Cache, Cached};
 
 /// Clouds that were read, the least recently used given up first.
-pub(super) struct Clouds {
+pub(super) struct CloudCache {
     thinning: Downsampling,
     budget: usize,
     held: Mutex<Held>,
@@ -36,25 +36,25 @@ struct Slot {
 }
 
 /// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
-pub(super) type Read = std::result::Result<Arc<Kept>, String>;
+pub(super) type Read = std::result::Result<Arc<CachedCloud>, String>;
 
 /// A cloud, and what was made of it.
-pub(super) struct Kept {
+pub(super) struct CachedCloud {
     key: Key,
     cloud: PointCloud,
     cache: Cache,
 }
 
-impl Kept {
+impl CachedCloud {
     pub(super) fn cached(&self) -> Cached<'_> {
         Cached { cloud: &self.cloud, cache: Some(&self.cache) }
     }
 }
 
-impl Clouds {
+impl CloudCache {
     /// None are held yet; at most `budget` bytes of those that no pair is using will be.
     pub(super) fn new(thinning: Downsampling, budget: usize) -> Self {
-        Clouds { thinning, budget, held: Mutex::default() }
+        CloudCache { thinning, budget, held: Mutex::default() }
     }
 
     /// The cloud in `path`, by `read` where it is not held; a second caller waits while the first
@@ -81,18 +81,19 @@ impl Clouds {
         let read = cell.get_or_init(|| {
             fresh = true;
             let cloud = read().and_then(|cloud| self.thinning.apply(cloud, stream));
-            let keep = |cloud| Arc::new(Kept { key: key.clone(), cloud, cache: Cache::default() });
+            let keep =
+                |cloud| Arc::new(CachedCloud { key: key.clone(), cloud, cache: Cache::default() });
             cloud.map(keep).map_err(|error| error.to_string())
         });
         if fresh {
-            self.lock().weigh(&key, bytes(read.as_deref().ok()), self.budget);
+            self.lock().resize(&key, bytes(read.as_deref().ok()), self.budget);
         }
         read.clone()
     }
 
     /// Counts what was made of a cloud since it was [got](Self::get).
-    pub(super) fn count(&self, kept: &Kept) {
-        self.lock().weigh(&kept.key, bytes(Some(kept)), self.budget);
+    pub(super) fn touch(&self, kept: &CachedCloud) {
+        self.lock().resize(&kept.key, bytes(Some(kept)), self.budget);
     }
 
     fn lock(&self) -> MutexGuard<'_, Held> {
@@ -102,7 +103,7 @@ impl Clouds {
 
 impl Held {
     /// Counts a cloud that was read or of which more was made, and makes room.
-    fn weigh(&mut self, key: &Key, bytes: usize, budget: usize) {
+    fn resize(&mut self, key: &Key, bytes: usize, budget: usize) {
         let Some(slot) = self.clouds.get_mut(key) else { return };
         self.bytes = self.bytes - slot.bytes + bytes;
         slot.bytes = bytes;
@@ -118,7 +119,7 @@ impl Held {
 }
 
 /// What a cloud takes, and what is kept around it.
-fn bytes(kept: Option<&Kept>) -> usize {
+fn bytes(kept: Option<&CachedCloud>) -> usize {
     const AROUND: usize = 512;
     AROUND + kept.map_or(0, |kept| kept.cloud.bytes() + kept.cache.bytes())
 }
@@ -156,7 +157,7 @@ mod tests {
         };
         let [a, b, c] = ["a.xyz", "b.xyz", "c.xyz"].map(file);
         let one = 512 + 4 * 12;
-        let clouds = Clouds::new(Downsampling::default(), 2 * one);
+        let clouds = CloudCache::new(Downsampling::default(), 2 * one);
         let first = clouds.get(&a, 0, || io::read(&a)).unwrap();
         clouds.get(&b, 0, || io::read(&b)).unwrap();
         // Held, whatever becomes of the file.
@@ -184,25 +185,25 @@ mod tests {
             path
         };
         let [a, b] = ["a.ply", "b.ply"].map(file);
-        let clouds = Clouds::new(Downsampling::default(), 150_000);
+        let clouds = CloudCache::new(Downsampling::default(), 150_000);
         let get = |path: &Path| clouds.get(path, 0, || io::read(path)).unwrap();
         let [first, second] = [&a, &b].map(|path| get(path));
         let plain = clouds.lock().bytes;
         let method: Method = "cf".parse().unwrap();
         method.register_cached(first.cached(), second.cached()).unwrap();
-        clouds.count(&first);
+        clouds.touch(&first);
         let one = clouds.lock().bytes;
         assert!(one > plain + 300 * 33 * 4 && one < plain + 300 * 60 * 4, "{plain} {one}");
         // Again is not more.
-        clouds.count(&first);
+        clouds.touch(&first);
         assert_eq!(clouds.lock().bytes, one);
-        clouds.count(&second);
+        clouds.touch(&second);
         assert_eq!(clouds.lock().bytes, 2 * one - plain);
         // Beyond the budget the one that was used first goes, with all that was made of it.
         let third = clouds.get(&b, 0, || io::read(&b)).unwrap();
         assert!(Arc::ptr_eq(&second, &third));
-        let few = Clouds { budget: one, ..clouds };
-        few.count(&second);
+        let few = CloudCache { budget: one, ..clouds };
+        few.touch(&second);
         assert_eq!(few.lock().clouds.keys().map(|key| &key.0).collect::<Vec<_>>(), [&b]);
     }
 
@@ -212,7 +213,7 @@ mod tests {
         let path = folder.path().join("a.xyz");
         std::fs::write(&path, "0 0 0\n1 0 0\n").unwrap();
         let sample = Downsampling { sample: Some(1), ..Downsampling::default() };
-        let clouds = Clouds::new(sample, 0);
+        let clouds = CloudCache::new(sample, 0);
         assert_eq!(clouds.get(&path, 0, || io::read(&path)).unwrap().cloud.len(), 1);
         assert!(clouds.lock().clouds.is_empty() && clouds.lock().bytes == 0);
     }

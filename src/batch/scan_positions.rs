@@ -9,7 +9,7 @@ use crate::math::Vec3;
 
 /// Names of clouds, and where each of them stood.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Places {
+pub struct ScanPositions {
     /// As they are written.
     pub names: Vec<String>,
     /// In any frame and unit, the same of all.
@@ -18,19 +18,19 @@ pub struct Places {
 
 const COLUMNS: [&str; 4] = ["cloud", "x", "y", "z"];
 
-impl Places {
+impl ScanPositions {
     /// Reads CSV with the columns `cloud`, `x`, `y`, `z`; others are not looked at.
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io); [`Error::Parse`](crate::Error::Parse) without these columns, without a cloud in a line, and for
     /// what is no finite number.
-    pub fn read(path: &Path) -> Result<Places> {
+    pub fn read(path: &Path) -> Result<ScanPositions> {
         let mut sheet = CsvReader::open(path)?;
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(COLUMNS) {
             *column = sheet.column(name)?;
         }
-        let mut found = Places::default();
+        let mut found = ScanPositions::default();
         while sheet.next()? {
             let name = sheet.cell(columns[0]);
             if name.is_empty() {
@@ -63,7 +63,7 @@ mod tests {
         let path = folder.path().join("poses.csv");
         let read = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            Places::read(&path)
+            ScanPositions::read(&path)
         };
         let found = read("z,cloud,x,yaw,y\n3,a.ply,1, 0, 2\n").unwrap();
         assert_eq!((found.names, found.places), (vec!["a.ply".into()], vec![[1.0, 2.0, 3.0]]));

@@ -8,16 +8,16 @@ use crate::par::Interrupt;
 
 /// The pairs that are at work, and since when.
 #[derive(Default)]
-pub(super) struct Watch(Mutex<Watched>);
+pub(super) struct Deadlines(Mutex<DeadlineState>);
 
 #[derive(Default)]
-struct Watched {
+struct DeadlineState {
     running: HashMap<usize, (Instant, Interrupt)>,
     ended: bool,
 }
 
-impl Watch {
-    fn lock(&self) -> MutexGuard<'_, Watched> {
+impl Deadlines {
+    fn lock(&self) -> MutexGuard<'_, DeadlineState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

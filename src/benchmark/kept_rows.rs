@@ -12,17 +12,17 @@ use crate::io::limited_file::{self, LimitedFile};
 
 /// Rows in a file, and those that join them.
 #[derive(Default)]
-pub(super) struct Kept {
+pub(super) struct KeptRows {
     rows: HashMap<[String; 3], Row>,
     file: Option<(PathBuf, fs::File)>,
     /// Whether the file has the names of its columns.
     titled: bool,
 }
 
-impl Kept {
+impl KeptRows {
     /// Reads the rows of `path` if it is there; a last row that was cut short, or any that is none,
     /// is dropped. The file is replaced by one of the others, at once.
-    pub(super) fn open(path: &Path, settings: &Settings) -> Result<Kept> {
+    pub(super) fn open(path: &Path, settings: &Settings) -> Result<KeptRows> {
         let failed = |error| Error::io(path, error);
         let refuse = |rule: &str| Err(Error::config("output", path.display(), rule));
         let first = format!("# {}\n", serde_json::to_string(settings).unwrap_or_default());
@@ -64,7 +64,7 @@ impl Kept {
         }
         let titled = !rows.is_empty();
         let rows = rows.into_iter().map(|row| (key(&row), row)).collect();
-        Ok(Kept { file: Some((path.into(), file)), rows, titled })
+        Ok(KeptRows { file: Some((path.into(), file)), rows, titled })
     }
 
     pub(super) fn find(&self, pair: &Pair, method: &str) -> Option<Row> {

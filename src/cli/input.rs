@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
-use super::say;
+use super::log;
 use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::Result;
 use crate::filter::{self, Downsampling};
@@ -27,7 +27,7 @@ fn read(
             true => "kept",
             false => "left out as missing returns; --keep-no-returns keeps them",
         };
-        say(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
+        log(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
     }
     // Most clouds have none: they are not looked through once more.
     if !keep_no_returns && !marks.is_empty() {
@@ -51,7 +51,7 @@ fn read_whole(path: &Path) -> Result<(PointCloud, Differences)> {
     if cloud.dropped() > 0 {
         let (path, dropped) = (path.display(), cloud.dropped());
         let what = "points with NaN or infinite coordinates";
-        say(&format!("cfreg: {path}: left out {dropped} {what}\n"));
+        log(&format!("cfreg: {path}: left out {dropped} {what}\n"));
     }
     Ok((cloud, differences))
 }
@@ -62,7 +62,7 @@ pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -
     io::write(path, cloud)?;
     let differences = differences.merge(io::differences(path, cloud)?);
     if !differences.is_empty() {
-        say(&format!("cfreg: {}: {differences}\n", path.display()));
+        log(&format!("cfreg: {}: {differences}\n", path.display()));
     }
     Ok(())
 }

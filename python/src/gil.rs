@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 
-use super::detached::{detached, ending};
 use super::errors::exception;
 use super::panics;
+use super::shutdown::{detached, ending};
 use cfreg::error::{Error, Result};
 use cfreg::par::{self, Interrupt};
 

@@ -17,7 +17,7 @@ use crate::math::{self, Vec3};
 /// assert_eq!(pairs, [[1, 0], [2, 1], [3, 2], [3, 0]]);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub fn consecutive(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>> {
+pub fn sequential_pairs(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>> {
     if steps.contains(&0) {
         return Err(Error::config("steps", 0, "must be at least 1: a scan is not its own pair"));
     }
@@ -42,7 +42,7 @@ const MOST_PAIRS: usize = 60_000_000;
 /// assert_eq!(cfreg::batch::within(&places, 5.0)?, [[2, 0]]);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub fn within(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
+pub fn radius_pairs(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
     if radius.is_nan() || radius < 0.0 {
         return Err(Error::config("radius", radius, "must be at least 0"));
     }
@@ -84,15 +84,17 @@ mod tests {
             let mut all: Vec<[usize; 2]> =
                 (0..60).flat_map(|a| (0..a).map(move |b| [a, b])).collect();
             all.retain(|pair| !far(pair));
-            assert_eq!(within(&places, radius).unwrap(), all, "{radius}");
+            assert_eq!(radius_pairs(&places, radius).unwrap(), all, "{radius}");
         }
     }
 
     #[test]
     fn what_makes_no_sense_is_refused() {
-        assert!(consecutive(3, &[0]).is_err() && within(&[], -1.0).is_err());
-        assert!(within(&[[f64::NAN; 3]], 1.0).is_err() && within(&[], f64::NAN).is_err());
-        assert!(consecutive(0, &[1]).unwrap().is_empty());
-        assert_eq!(consecutive(2, &[5]).unwrap(), [[0; 2]; 0]);
+        assert!(sequential_pairs(3, &[0]).is_err() && radius_pairs(&[], -1.0).is_err());
+        assert!(
+            radius_pairs(&[[f64::NAN; 3]], 1.0).is_err() && radius_pairs(&[], f64::NAN).is_err()
+        );
+        assert!(sequential_pairs(0, &[1]).unwrap().is_empty());
+        assert_eq!(sequential_pairs(2, &[5]).unwrap(), [[0; 2]; 0]);
     }
 }

@@ -48,7 +48,7 @@ pub(super) fn summary(
         if !same {
             return Err(other(index));
         }
-        summary.count(&row);
+        summary.add_row(&row);
         summary.resumed += 1;
         Ok(())
     })?;

@@ -17,7 +17,7 @@ thread_local! {
 
 /// Has the row of a pair in which a panic happens say where, and nothing printed. It is the hook
 /// of the whole process that is changed, once; panics elsewhere are printed as before.
-pub fn panics_go_to_rows() {
+pub fn install_panic_hook() {
     ROWS.store(true, Ordering::Relaxed);
     install();
 }

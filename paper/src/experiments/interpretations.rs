@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::cell::{Cell, Contender, Reading, Shape, Test};
+use super::cell::{Cell, Contender, Interpretation, Shape, Test};
 use super::printed::printed;
 use super::tables::{Entry, Results, few, measure, shown};
 use super::variation::Variation;
@@ -31,7 +31,7 @@ struct Column {
 struct Row {
     label: String,
     contender: Contender,
-    reading: Reading,
+    reading: Interpretation,
     variation: Variation,
 }
 
@@ -120,7 +120,7 @@ fn topics() -> Vec<Topic> {
     let row =
         |label: String, contender, reading, variation| Row { label, contender, reading, variation };
     let fitting = |label: &str, contender, variation| {
-        row(label.to_string(), contender, Reading::Fitting, variation)
+        row(label.to_string(), contender, Interpretation::Fitting, variation)
     };
 
     let bound = |bound: Option<f64>| {
@@ -132,7 +132,7 @@ fn topics() -> Vec<Topic> {
     let beta = |reading, beta| {
         row(format!("{beta}, {reading}"), Contender::Cf, reading, Variation::Beta(beta))
     };
-    let betas = [Reading::Fitting, Reading::Points]
+    let betas = [Interpretation::Fitting, Interpretation::Points]
         .into_iter()
         .flat_map(|reading| [25.0, 50.0, 100.0, 200.0, 400.0].map(|size| beta(reading, size)));
 
@@ -203,9 +203,11 @@ fn topics() -> Vec<Topic> {
     // Without DARE, which describes nothing and takes longest.
     let swift = Contender::ALL.into_iter().filter(|&contender| contender != Contender::Dare);
     let sampled = swift.flat_map(|contender| {
-        [(Reading::Fitting, "surface"), (Reading::Points, "points")].map(|(reading, from)| {
-            row(format!("{contender}, {from}"), contender, reading, Variation::Plain)
-        })
+        [(Interpretation::Fitting, "surface"), (Interpretation::Points, "points")].map(
+            |(reading, from)| {
+                row(format!("{contender}, {from}"), contender, reading, Variation::Plain)
+            },
+        )
     });
 
     let topic = |title, columns: &[Column], rows| Topic { title, columns: columns.to_vec(), rows };

@@ -20,7 +20,7 @@ pub(super) struct Headline {
 }
 
 impl Headline {
-    pub(super) fn of(facts: &Facts) -> Headline {
+    pub(super) fn new(facts: &Facts) -> Headline {
         let doubts: Vec<String> = facts.doubts.iter().map(|doubt| doubt.message.clone()).collect();
         let Some(verdict) = &facts.verdict else {
             return Headline::without_verdict(facts, doubts);

@@ -4,7 +4,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::words;
+use super::text;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 use crate::method::{WeightBlock, WeightGraph, WeightedLink};
@@ -83,7 +83,7 @@ impl Weights {
             from: side(0),
             onto: side(1),
             agree: STANDARD.encode(&agrees),
-            matrix: Square::of(&connections.block, &points[0], near),
+            matrix: Square::new(&connections.block, &points[0], near),
         }
     }
 }
@@ -95,7 +95,7 @@ fn some(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
 }
 
 impl Square {
-    fn of(matrix: &WeightBlock, source: &[Vec3], near: f64) -> Square {
+    fn new(matrix: &WeightBlock, source: &[Vec3], near: f64) -> Square {
         let n = matrix.rows.len();
         let place = |k: usize| source[matrix.rows[k] as usize];
         let extent = |axis: usize| {
@@ -134,7 +134,7 @@ impl Square {
             weights: STANDARD.encode(all.iter().map(small).collect::<Vec<u8>>()),
             by_looks: STANDARD
                 .encode(by_looks.iter().flat_map(|&k| rank[k].to_le_bytes()).collect::<Vec<u8>>()),
-            diagonal: told.then(|| words::short(own / mean)),
+            diagonal: told.then(|| text::short(own / mean)),
         }
     }
 }
@@ -153,7 +153,7 @@ mod tests {
             principal_feature: vec![0.1, 0.2, 0.0],
             weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
         };
-        let square = Square::of(&matrix, &source, 1.0);
+        let square = Square::new(&matrix, &source, 1.0);
         // By place: the second, the first; the third stands alone.
         assert_eq!(STANDARD.decode(&square.weights).unwrap(), [255, 0, 0, 0, 255, 0, 0, 128, 0]);
         // By looks: the first, the second.

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::list::Table;
-use super::{Clouds, Pair, Row, Rule, Settings};
+use super::{Pair, PairClouds, Row, Rule, Settings};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::io::limited_file::GROWTH_FACTOR;
@@ -83,12 +83,12 @@ impl Poses {
         all.map(|method| (method, number(&method))).filter(|(_, missing)| *missing > 0).collect()
     }
 
-    fn of(&self, pair: &Pair) -> &[Answer] {
+    fn answers_to(&self, pair: &Pair) -> &[Answer] {
         self.found.get(&[pair.source.clone(), pair.target.clone()]).map_or(&[], Vec::as_slice)
     }
 
     fn has(&self, pair: &Pair, method: &str) -> bool {
-        self.of(pair).iter().any(|answer| answer.method == method)
+        self.answers_to(pair).iter().any(|answer| answer.method == method)
     }
 
     /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
@@ -97,12 +97,12 @@ impl Poses {
     /// # Errors
     /// Those of reading clouds.
     pub fn judge(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
-        let (mut clouds, mut rows) = (Clouds::default(), Vec::new());
+        let (mut clouds, mut rows) = (PairClouds::default(), Vec::new());
         for pair in pairs {
             let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
             let rule =
                 settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
-            for answer in self.of(pair) {
+            for answer in self.answers_to(pair) {
                 let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
                 row.accepted = answer.accepted;
                 match &answer.pose {

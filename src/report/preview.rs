@@ -1,8 +1,8 @@
 //! Two clouds before and after as one still picture: where a page has no WebGL, in notebooks,
 //! in papers.
 
-use super::display::Shown;
-use super::look::{Frame, Look};
+use super::camera::{Camera, Viewport};
+use super::display::DisplayCloud;
 use crate::cloud::Transform;
 use crate::figure::{Content, Dot, Figure, Panel, Scene};
 use crate::math::{self, Vec3};
@@ -15,22 +15,22 @@ const FILLED: f64 = 0.95;
 const DARKEST: f64 = 0.45;
 
 /// A place of the source in the target's frame, and what it is called.
-pub(super) struct Stand<'a> {
+pub(super) struct PoseView<'a> {
     pub(super) title: &'a str,
     pub(super) pose: Transform,
-    pub(super) frame: Frame,
+    pub(super) frame: Viewport,
 }
 
 /// Both clouds with the source at each of `stands`, a panel each, of `size` pixels.
-pub(super) fn picture(
-    [source, target]: [&Shown; 2],
-    look: &Look,
-    stands: &[Stand<'_>],
+pub(super) fn draw_preview(
+    [source, target]: [&DisplayCloud; 2],
+    look: &Camera,
+    stands: &[PoseView<'_>],
     most: usize,
     size: (u32, u32),
     named: bool,
 ) -> Figure {
-    let ends = [Lit::of(source, most), Lit::of(target, most)];
+    let ends = [Lit::new(source, most), Lit::new(target, most)];
     let axes = look.axes();
     let turn = |direction: Vec3| math::mat_vec(&axes, direction);
     // One scale for all panels.
@@ -75,7 +75,7 @@ struct Lit {
 
 impl Lit {
     /// At most `most` of those that are shown.
-    fn of(shown: &Shown, most: usize) -> Lit {
+    fn new(shown: &DisplayCloud, most: usize) -> Lit {
         let step = shown.cloud.len().div_ceil(most).max(1);
         let vectors = shown.vectors.iter().step_by(step);
         Lit {

@@ -2,21 +2,21 @@
 
 use serde::Serialize;
 
-use super::display::{Shown, central};
+use super::display::{DisplayCloud, central};
 use crate::cloud::{PointCloud, Transform};
 use crate::math::eigen;
 use crate::math::{self, Mat3, Vec3};
 
 /// What is to be seen: a ball about the target's middle, in its frame.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(super) struct Frame {
+pub(super) struct Viewport {
     pub(super) center: Vec3,
     pub(super) radius: f64,
 }
 
 /// From where.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub(super) struct Look {
+pub(super) struct Camera {
     /// Unit vector to the eye.
     pub(super) toward: Vec3,
     /// Unit vector that is up in space; the page turns about it.
@@ -34,10 +34,10 @@ const MEASURED: usize = 2000;
 /// Share of them that is to be seen; the rest may be strays.
 const SEEN: f64 = 0.99;
 
-impl Frame {
+impl Viewport {
     /// Of both clouds, with the source where `pose` puts it.
-    pub(super) fn of(source: &Shown, target: &Shown, pose: &Transform) -> Frame {
-        let some = |shown: &Shown| -> Vec<Vec3> {
+    pub(super) fn new(source: &DisplayCloud, target: &DisplayCloud, pose: &Transform) -> Viewport {
+        let some = |shown: &DisplayCloud| -> Vec<Vec3> {
             let step = shown.cloud.len().div_ceil(MEASURED).max(1);
             shown.cloud.positions().step_by(step).collect()
         };
@@ -66,14 +66,14 @@ impl Frame {
             away[(SEEN * (away.len() - 1) as f64).round() as usize]
         });
         let radius = radius.fold(0.0, f64::max);
-        Frame { center, radius: if radius > 0.0 { radius } else { 1.0 } }
+        Viewport { center, radius: if radius > 0.0 { radius } else { 1.0 } }
     }
 }
 
-impl Look {
+impl Camera {
     /// From the side from which the target looks largest; of the two the one where its sensor
     /// stood, if that is known.
-    pub(super) fn at(target: &PointCloud) -> Look {
+    pub(super) fn at(target: &PointCloud) -> Camera {
         let (low, high) = central(target);
         let middle = math::scaled(math::add(low, high), 0.5);
         let inside = |p: &Vec3| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&p[axis]));
@@ -97,18 +97,18 @@ impl Look {
         // stand in most files.
         if toward[2].abs() > 0.8 && x.min(y) > 3.0 * z {
             let toward = math::normalized([0.0, -TILT, 1.0]);
-            return Look::toward(toward, [0.0, 0.0, 1.0]);
+            return Camera::toward(toward, [0.0, 0.0, 1.0]);
         }
         let upright = if toward[1].abs() > 0.9 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
         let up = across(upright, toward);
         let right = math::cross(up, toward);
         let aside = math::add(math::scaled(right, ASIDE[0]), math::scaled(up, ASIDE[1]));
         let toward = math::normalized(math::add(toward, aside));
-        Look::toward(toward, upright)
+        Camera::toward(toward, upright)
     }
 
-    fn toward(toward: Vec3, upright: Vec3) -> Look {
-        Look { toward, upright, up: across(upright, toward) }
+    fn toward(toward: Vec3, upright: Vec3) -> Camera {
+        Camera { toward, upright, up: across(upright, toward) }
     }
 
     /// Rows: to the right, upwards, towards the eye.
@@ -134,9 +134,9 @@ mod tests {
                 .collect();
             PointCloud::new(&points).unwrap()
         };
-        let flat = Look::at(&grid(|x, y| [x, y, 0.0]));
+        let flat = Camera::at(&grid(|x, y| [x, y, 0.0]));
         assert!(flat.toward[2] > 0.7 && flat.up[2] > 0.5, "{flat:?}");
-        let upright = Look::at(&grid(|x, z| [x, 0.0, z]));
+        let upright = Camera::at(&grid(|x, z| [x, 0.0, z]));
         assert!(upright.toward[1].abs() > 0.8 && upright.up[2] > 0.9, "{upright:?}");
         for look in [flat, upright] {
             assert!((math::determinant(&look.axes()) - 1.0).abs() < 1e-12);
@@ -148,10 +148,11 @@ mod tests {
         let mut points: Vec<Vec3> =
             (0..500).map(|k| [f64::from(k % 10), f64::from(k % 7), f64::from(k % 3)]).collect();
         points[100] = [1e5, 0.0, 0.0];
-        let large = Shown::of(&PointCloud::new(&points).unwrap(), 1000).unwrap();
-        let small = Shown::of(&PointCloud::new(&[[0.0; 3], [1.0; 3]]).unwrap(), 10).unwrap();
+        let large = DisplayCloud::new(&PointCloud::new(&points).unwrap(), 1000).unwrap();
+        let small =
+            DisplayCloud::new(&PointCloud::new(&[[0.0; 3], [1.0; 3]]).unwrap(), 10).unwrap();
         let far = Transform { translation: [50.0, 0.0, 0.0], ..Transform::IDENTITY };
-        let frame = Frame::of(&small, &large, &far);
+        let frame = Viewport::new(&small, &large, &far);
         assert!((20.0..40.0).contains(&frame.radius), "{frame:?}");
     }
 
@@ -159,8 +160,8 @@ mod tests {
     fn of_few_points_all_are_in_sight() {
         for n in 2..50 {
             let points: Vec<Vec3> = (0..n).map(|k| [f64::from(k * k), f64::from(k), 0.0]).collect();
-            let shown = Shown::of(&PointCloud::new(&points).unwrap(), 100).unwrap();
-            let frame = Frame::of(&shown, &shown, &Transform::IDENTITY);
+            let shown = DisplayCloud::new(&PointCloud::new(&points).unwrap(), 100).unwrap();
+            let frame = Viewport::new(&shown, &shown, &Transform::IDENTITY);
             for place in shown.cloud.positions() {
                 let local = math::sub(place, shown.middle);
                 let away = math::norm(math::sub(local, frame.center));
