@@ -7,7 +7,7 @@ step() { printf '\n== %s\n' "$*"; }
 
 # Packages are fetched while Rust compiles.
 environment() {
-    source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/requirements.txt
+    source python-ref/environment.sh python-ref/peers/requirements.txt tests/python/requirements.txt
 }
 environment >/dev/null 2>&1 &
 fetched=$!
@@ -31,23 +31,23 @@ wait "$fetched" || true
 environment
 
 step "the reference: its own checks, and the golden cases"
-(cd python-ref && "$python" -m unittest && "$python" golden.py --check)
+(cd python-ref && "$python" -m unittest && "$python" -m reference.golden --check)
 
 step "the Python package, and beside it 50 digits, the reference and Open3D"
 # The profile of the tests: their dependencies are compiled once for both.
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
 "$python" -m unittest discover tests/python
-(cd python-ref && "$python" compare.py)
+(cd python-ref && "$python" -m reference.comparisons)
 
 step "the methods beside their peers, in small"
-(cd python-ref && "$python" -m peers --smoke)
+(cd python-ref && "$python" -m peers.methods --smoke)
 
 step "how fast beside the peers: that it runs"
-(cd benches && "$python" -m peers --points 1000 --only moments,features)
-(cd python-ref && "$python" -m unittest test_throughput)
+(cd python-ref && "$python" -m peers.speed --points 1000 --only moments,features)
+(cd python-ref && "$python" -m unittest peers.tests.test_throughput)
 
 step "peers that the paper does not have, in small"
-(cd python-ref && "$python" -m paper_peers --smoke)
+(cd python-ref && "$python" -m peers.paper_trials --smoke)
 
 step "the data folder"
 "$python" -m unittest discover data

@@ -67,7 +67,7 @@ impl Evidence {
     ///
     /// Logistic in what speaks for a pose, fitted on poses that this method settled for real
     /// pairs. Constants fitted anew are no better at places that they have not seen
-    /// (`python-ref/verdict.sh`). What is told of the answer is [`Standing::log_odds`].
+    /// (`python-ref/verdict/verdict.sh`). What is told of the answer is [`Standing::log_odds`].
     ///
     /// [`Standing::log_odds`]: super::standing::Standing::log_odds
     pub(super) fn log_odds(&self) -> f64 {

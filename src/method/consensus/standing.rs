@@ -26,7 +26,7 @@ impl Standing {
     /// [`Evidence::log_odds`] ranks the poses of a pair; chance has a best one for every pair, on
     /// which other seeds do not agree and which slides. Logistic, fitted on the answers to 924
     /// pairs, 470 of which have nothing in common, with the sensors' places known and not
-    /// (`python-ref/verdict.sh`).
+    /// (`python-ref/verdict/verdict.sh`).
     pub(super) fn log_odds(&self) -> f64 {
         let (votes, spread) = ((self.votes as f64).ln_1p(), self.spread.ln());
         -2.67 + 0.70 * self.evidence.log_odds() + 1.43 * votes - 0.74 * spread
