@@ -29,22 +29,22 @@ def voxel(points, unit):
     return (0.004 if metres < 1.0 else 0.05 if metres < 25.0 else 0.5) / unit
 
 
-def described(points, sensor, size):
+def feature_cloud(points, sensor, size):
     """A cloud with its FPFH, Open3D's way: voxel grid, normals of two voxels, FPFH of five."""
-    return open3d.described(points, sensor, 2 * size, 30, 5 * size, 100, voxel=size)
+    return open3d.feature_cloud(points, sensor, 2 * size, 30, 5 * size, 100, voxel=size)
 
 
 def open3d_ransac(source, target, sensors, size):
     """FPFH and RANSAC of three, 100,000 iterations, as Open3D's tutorial has it."""
     open3d.seed(0)
-    clouds = (described(points, sensor, size) for points, sensor in zip((source, target), sensors))
+    clouds = (feature_cloud(points, sensor, size) for points, sensor in zip((source, target), sensors))
     return open3d.ransac(*clouds, 1.5 * size), True
 
 
 def open3d_fgr(source, target, sensors, size):
     """Fast global registration."""
     open3d.seed(0)
-    clouds = (described(points, sensor, size) for points, sensor in zip((source, target), sensors))
+    clouds = (feature_cloud(points, sensor, size) for points, sensor in zip((source, target), sensors))
     return open3d.fast_global(*clouds, 1.5 * size), True
 
 

@@ -21,7 +21,7 @@ from reference.rotations import cross_matrix
 from reference.scans import read_pairs
 
 SEED = 0
-FAR = np.radians(15)
+WRONG_POSE = np.radians(15)
 """Turn from the reference above which a pose is another: its loop is left out."""
 CHI_SQUARE_95 = 12.592
 TITLES = (
@@ -33,7 +33,7 @@ TITLES = (
 )
 
 
-def small(motion):
+def twist_from(motion):
     """(6,) rotation vector and shift of a (4, 4) motion, which is about the zero of its frame."""
     return np.concatenate([Rotation.from_matrix(motion[:3, :3]).as_rotvec(), motion[:3, 3]])
 
@@ -45,7 +45,7 @@ def about_zero(covariance, center):
     return change @ covariance @ change.T
 
 
-def carried(covariance, pose):
+def after_pose(covariance, pose):
     """Covariance of small motions before `pose` as that of the same after it (its adjoint)."""
     change = np.zeros((6, 6))
     change[:3, :3] = change[3:, 3:] = pose[:3, :3]
@@ -59,8 +59,8 @@ def nees(error, covariance):
 
 def loop_nees(onto_b, onto_c, across):
     """NEES of the poses a onto b, b onto c and a onto c, each (4, 4) with its covariance about the zero."""
-    error = small(onto_c[0] @ onto_b[0] @ np.linalg.inv(across[0]))
-    return nees(error, onto_c[1] + carried(onto_b[1], onto_c[0]) + across[1])
+    error = twist_from(onto_c[0] @ onto_b[0] @ np.linalg.inv(across[0]))
+    return nees(error, onto_c[1] + after_pose(onto_b[1], onto_c[0]) + across[1])
 
 
 def loops(pairs, most):
@@ -69,7 +69,7 @@ def loops(pairs, most):
     return [found[i] for i in np.random.default_rng(SEED).permutation(len(found))[:most]]
 
 
-class Registered:
+class PoseCache:
     """Accepted poses of pairs, each found once."""
 
     def __init__(self, folder):
@@ -92,16 +92,16 @@ class Registered:
         return self.poses[pair]
 
 
-def row(name, pairs, registered, most):
+def row(name, pairs, cache, most):
     """The line of one data set, whose `pairs` have their reference poses."""
     closed, referred = [], {}
     for a, b, c in loops(pairs, most):
         sides = [(a, b), (b, c), (a, c)]
-        poses = [registered.pose(side) for side in sides]
+        poses = [cache.pose(side) for side in sides]
         if any(pose is None for pose in poses):
             continue
-        errors = [small(pairs[side] @ np.linalg.inv(pose[0])) for side, pose in zip(sides, poses)]
-        if any(np.linalg.norm(error[:3]) > FAR for error in errors):
+        errors = [twist_from(pairs[side] @ np.linalg.inv(pose[0])) for side, pose in zip(sides, poses)]
+        if any(np.linalg.norm(error[:3]) > WRONG_POSE for error in errors):
             continue
         closed.append(loop_nees(*poses))
         for side, error, pose in zip(sides, errors, poses):
@@ -121,12 +121,12 @@ def main():
     sets = {}
     for pair in read_pairs(arguments.folder / "pairs.csv"):
         sets.setdefault(pair["dataset"], {})[pair["source"], pair["target"]] = pair["truth"]
-    registered = Registered(arguments.folder)
+    cache = PoseCache(arguments.folder)
     print(table_line(TITLES))
     print(rule_line(len(TITLES)))
     for name, pairs in sets.items():
         if loops(pairs, 1):
-            print(row(name, pairs, registered, arguments.most), flush=True)
+            print(row(name, pairs, cache, arguments.most), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ def table_line(cells):
 
 
 def rule_line(count):
-    """What stands between titles and rows."""
+    """The line between titles and rows."""
     return "|" + "---|" * count
 
 

@@ -3,7 +3,7 @@
     python -m peers.throughput FOLDER-OF-THE-SCANS [--points 500,5000,30000] [--threads 2] [--seconds 60]
         [--memory-pairs 100000] [--output TABLE.md]
 
-Pairs are those of the Stanford scans in the folder's `pairs.csv`, thinned at random and written as
+Pairs are those of the Stanford scans in the folder's `pairs.csv`, downsampled at random and written as
 PLY; a list has as many of them, in turn, as take about so many seconds. Each side reads the files.
 Ours is `cfreg.register_batch` into Parquet, by `consensus` and by `cf`. Open3D's is a loop over the
 pairs, its clouds and features kept in a dictionary, its own threads within: FPFH and RANSAC as in
@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from peers import processors
-from peers.benchmark import by_kiss_matcher, described
+from peers.benchmark import by_kiss_matcher, feature_cloud
 from peers.printed import Transcript, rule_line, table_line
 from peers.programs import open3d
 from peers.timing import timed
@@ -37,8 +37,8 @@ SETS = ("stanford_bunny", "stanford_dragon_stand")
 TITLES = ("points", "by", "pairs", "pairs/s", "pairs/s/core", "right")
 
 
-def thinned(data, points, folder):
-    """Pairs of files with their true poses; the files, thinned, are written into `folder`."""
+def downsampled_pairs(data, points, folder):
+    """Pairs of files with their true poses; the files, downsampled, are written into `folder`."""
     import cfreg
 
     pairs = []
@@ -85,7 +85,7 @@ def by_open3d_loop(folder, pairs, _threads):
         for name in (source, target):
             if name not in known:
                 points, size = scan(folder, name)
-                known[name] = described(points, np.zeros(3), size), size
+                known[name] = feature_cloud(points, np.zeros(3), size), size
         (a, size), (b, other) = known[source], known[target]
         poses.append(open3d.ransac(a, b, 1.5 * max(size, other)))
     return poses
@@ -186,13 +186,13 @@ def main():
         for points in map(int, options.points.split(",")):
             folder = Path(room, str(points))
             folder.mkdir()
-            pairs = thinned(options.data, points, folder)
+            pairs = downsampled_pairs(options.data, points, folder)
             for side in SIDES:
                 count, rate, right = pairs_a_second(side, folder, pairs, options.threads, options.seconds)
                 rates = f"{rate:.2f}", f"{rate / options.threads:.2f}"
                 transcript.say(table_line([points, side, count, *rates, f"{100 * right:.0f} %"]))
             shares.append(f"{100 * busy(folder, pairs[::4], options.threads):.1f} %")
-        transcript.say(f"\nOf the threads' time, within registrations by consensus: {', '.join(shares)}")
+        transcript.say(f"\nShare of the threads' time that is within registrations by consensus: {', '.join(shares)}")
         if options.memory_pairs:
             folder = Path(room, options.points.split(",")[0])
             held = memory(folder, options.memory_pairs)

@@ -71,7 +71,7 @@ class Poses:
     def where(self, which):
         return Poses(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
-    def show(self, where):
+    def shows(self, where):
         """Whether source or target shows the place."""
         return (self.places == where).any(axis=1)
 
@@ -79,7 +79,7 @@ class Poses:
     def unrelated(self):
         return self.places[:, 0] != self.places[:, 1]
 
-    def of_kind(self, known):
+    def fitting_set(self, known):
         """Those that the constants of the kind are fitted on."""
         among = lambda places: np.isin(self.places, list(places)).any(axis=1)
         return self.where((self.known == known) & ~among(STREETS) & ~(known & among(ELSEWHERE)))
@@ -144,7 +144,7 @@ class Judge:
     answer: np.ndarray
     """Constants of `STANDING`."""
 
-    def told(self, answers):
+    def probabilities(self, answers):
         """The probabilities of being right."""
         odds = with_standing(answers, self.evidence) @ self.answer
         return 1 / (1 + np.exp(-np.clip(odds, -30, 30)))
@@ -159,13 +159,13 @@ def fit(poses, answers):
     """A judge whose constants are all fitted."""
     raw = {}
     for kind in (True, False):
-        among = poses.of_kind(kind)
+        among = poses.fitting_set(kind)
         weights = balanced(among.sets, among.right)
         raw[kind] = logistic(among.terms, among.right, weights) if len(among.right) else NONE
-    return standing_fitted(raw, answers)
+    return fit_standing(raw, answers)
 
 
-def standing_fitted(evidence, answers):
+def fit_standing(evidence, answers):
     """A judge by these constants of the evidence, the others fitted."""
     weights = np.ones(len(answers.right))
     return Judge(evidence, logistic(with_standing(answers, evidence), answers.right, weights))
@@ -215,7 +215,7 @@ def read(paths):
     return Poses.from_rows(list(candidates.values())), answers
 
 
-def joined(parts):
+def concatenated(parts):
     """Poses of several tables as of one."""
     return Poses(*(np.concatenate([getattr(part, name) for part in parts]) for name in Poses.__dataclass_fields__))
 
@@ -229,20 +229,20 @@ JUDGED = ["calibration error", "unrelated, accepted", "other wrong, accepted", "
 
 def fitted(poses, answers, source):
     """Prints the fit on all poses beside the constants of the source."""
-    every = joined(answers.values())
+    every = concatenated(answers.values())
     judge = fit(poses, every)
-    anew = standing_fitted(source.evidence, every)
+    anew = fit_standing(source.evidence, every)
     titles, columns = ["term"], [TERMS]
     for kind, name in [(True, "known"), (False, "unknown")]:
-        titles += [f"{name}: fitted on {len(poses.of_kind(kind).right)} poses", "source"]
+        titles += [f"{name}: fitted on {len(poses.fitting_set(kind).right)} poses", "source"]
         columns += [[f"{value:.2f}" for value in by.evidence[kind]] for by in (judge, source)]
     print_table(titles, zip(*columns))
-    print(f"\nOf {len(every.right)} answers:\n")
+    print(f"\n{len(every.right)} answers:\n")
     columns = [[f"{value:.2f}" for value in by.answer] for by in (judge, anew, source)]
     print_table(["term", "fitted", "by the source's evidence", "source"], zip(STANDING, *columns))
     print("\nAll answers, which all of these have seen:\n")
     rows = [
-        [run, len(judged.right), name, *cells(by.told(judged), judged)]
+        [run, len(judged.right), name, *cells(by.probabilities(judged), judged)]
         for run, judged in answers.items()
         for name, by in [("fitted", judge), ("source's evidence, fitted", anew), ("source", source)]
     ]
@@ -251,18 +251,18 @@ def fitted(poses, answers, source):
 
 def held_out(poses, answers, source):
     """Prints what the fit is worth at places that it has not seen."""
-    everything = joined(answers.values())
+    everything = concatenated(answers.values())
     judged = {run: [] for run in answers}
     for where in sorted(set(everything.places.flat)):
-        others = everything.where(~everything.show(where))
-        judge = fit(poses.where(~poses.show(where)), others)
-        anew = standing_fitted(source.evidence, others)
+        others = everything.where(~everything.shows(where))
+        judge = fit(poses.where(~poses.shows(where)), others)
+        anew = fit_standing(source.evidence, others)
         for run, every in answers.items():
-            left = every.where(every.show(where))
+            left = every.where(every.shows(where))
             if len(left.right):
-                judged[run].append((where, left, [by.told(left) for by in (judge, anew, source)]))
+                judged[run].append((where, left, [by.probabilities(left) for by in (judge, anew, source)]))
     for run, places in judged.items():
-        every = joined([left for _, left, _ in places])
+        every = concatenated([left for _, left, _ in places])
         places.append(("all of these", every, [np.concatenate(told) for told in zip(*(by for *_, by in places))]))
         print(f"\n`{run}`, place by place left out: all fitted on the others / the source's evidence, the rest fitted on")
         print("the others / the source, which has seen it. Pairs of two places are in both rows.\n")

@@ -52,7 +52,7 @@ def by_crate(method, **settings):
 def compared(method, named, mine, theirs, judged=True):
     """Rows of two answers to the pairs of each protocol: median errors, poses found and
     points connected, then the poses found over all protocols. One protocol has too few
-    pairs to tell a success more or less from chance. Without judgement all is only told."""
+    pairs to tell a success more or less from chance. Without judgement figures are only shown."""
     peer, total = "PCL + reference", np.zeros(2, dtype=int)
     for name, pairs in named:
         protocol = pairs[0].kind
@@ -64,16 +64,16 @@ def compared(method, named, mine, theirs, judged=True):
                 counts[who, trial] = np.mean(points)
         found = (errors <= SUCCESS[protocol]).sum(axis=1)
         total += found
-        rule = rule_table.errors if judged else rule_table.told
+        rule = rule_table.errors if judged else rule_table.figures
         yield rule(method, peer, name, QUANTITY[protocol], *np.median(errors, axis=1))
-        yield rule_table.told(method, peer, name, f"found of {len(pairs)}", *found)
-        yield rule_table.told(method, peer, name, "mean points connected", *counts.mean(axis=1))
-    rule = rule_table.successes if judged else told_successes
+        yield rule_table.figures(method, peer, name, f"found of {len(pairs)}", *found)
+        yield rule_table.figures(method, peer, name, "mean points connected", *counts.mean(axis=1))
+    rule = rule_table.successes if judged else show_successes
     yield rule(method, peer, "all protocols", *total, sum(len(pairs) for _, pairs in named))
 
 
-def told_successes(method, peer, clouds_of, ours_found, theirs_found, trials):
-    return rule_table.told(method, peer, clouds_of, f"found of {trials}", ours_found, theirs_found)
+def show_successes(method, peer, clouds_of, ours_found, theirs_found, trials):
+    return rule_table.figures(method, peer, clouds_of, f"found of {trials}", ours_found, theirs_found)
 
 
 def error(protocol, found, pair):

@@ -66,7 +66,7 @@ def beside_all_points(name, pairs):
         errors, points = answers(pairs, by_crate("cfk", detector={"sift": choice}))
         scales = [choice[key] for key in ("min_scale", "octaves", "scales")]
         what = f"{points:.0f} keypoints of {scales}: median"
-        yield rule_table.told("cfk", "cf of all points", name, what, np.median(errors), np.median(cf))
+        yield rule_table.figures("cfk", "cf of all points", name, what, np.median(errors), np.median(cf))
 
 
 def answers(pairs, answer):
@@ -112,7 +112,7 @@ def keypoints(name, cloud):
             yield agreement("PCL SIFT", name, where, shared_places(moved, found, theirs), least)
     found = cfreg.keypoints(cloud, "iss", unit=unit, min_neighbors=MIN_NEIGHBORS, **ISS)
     theirs = iss_by_open3d(cloud, unit)
-    # Of points with the same neighbourhood the crate keeps all, Open3D those that rounding
+    # The crate keeps all points with the same neighbourhood, Open3D those that rounding
     # prefers: where points stand in clusters the crate has a few more.
     yield agreement("Open3D ISS", name, "ISS", shared_places(cloud, found, theirs), 0.98)
     if pcl.program("keypoints") is not None:
@@ -132,7 +132,7 @@ def shared_places(cloud, found, theirs):
 
 def octaves(name, cloud):
     """Where the reference and PCL part: with PCL's grid, from the origin, nowhere; with one
-    from the lowest corner in the thinned clouds, and there alone, the more the coarser."""
+    from the lowest corner in the downsampled clouds, and there alone, the more the coarser."""
     curvature = as_f32(ref.normals(cloud)[1])
     scale = float(np.float32(resolution(cloud)))
     settings = (scale, 3, 4, 0.0)

@@ -2,15 +2,15 @@
 
 Both peers get the clouds in root mean square radii of the target, as the authors' program
 normalises and the crate does inside: the density of their outlier part, their tolerances
-and probreg's floor of sigma² have a unit. pycpd always estimates a scale. Of probreg's
-variants the one with scale is the published; without, its sigma² adds
+and probreg's floor of sigma² have a unit. pycpd always estimates a scale. The
+variant of probreg with scale is the published one; without, its sigma² adds
 tr(Y'^T d(P1) Y') - tr(A^T R) where 1 and 2 of them belong, so it stays too wide.
 """
 
 import numpy as np
 
 from peers.methods import protocols
-from peers.methods.rule_table import Row, difference, errors, successes, told
+from peers.methods.rule_table import Row, difference, errors, successes, figures
 from peers.programs import crate, left_out, pose_from, probreg, pycpd
 from peers.timing import timed
 from reference import scans
@@ -67,19 +67,19 @@ def protocol(scope, peers, kind, large):
 
     def mine(scale):
         found = [crate.register(pair.source, pair.target, "cpd", scale=scale) for pair in pairs]
-        return errors_of([answer.transform for answer in found], pairs)
+        return pose_errors([answer.transform for answer in found], pairs)
 
-    of_ours = {True: mine("umeyama"), False: mine("fixed")}
+    own_errors = {True: mine("umeyama"), False: mine("fixed")}
     variants = {f"{name}, scale": (peer, True) for name, peer in peers.items()}
     if "probreg" in peers:
         variants["probreg, fixed scale"] = (probreg_from, False)
     for name, (peer, scaled) in variants.items():
-        both = of_ours[scaled], errors_of([peer(pair, 0.1, scaled) for pair in pairs], pairs)
+        both = own_errors[scaled], pose_errors([peer(pair, 0.1, scaled) for pair in pairs], pairs)
         found = [int(sum(error[:, 0] < FOUND)) for error in both]
         yield successes("cpd", name, label, *found, trials)
         yield median_angle(name, label, *(float(np.median(error[:, 0])) for error in both))
         frobenius = (float(np.median(error[:, 1])) for error in both)
-        yield told("cpd", name, label, "median |I - R R_gt^T|", *frobenius)
+        yield figures("cpd", name, label, "median |I - R R_gt^T|", *frobenius)
 
 
 def median_angle(name, label, mine, theirs):
@@ -95,10 +95,10 @@ def speed(peers):
     mine, _ = timed(lambda: crate.register(pair.source, pair.target, "cpd", max_iterations=steps, tolerance=0.0))
     for name, peer in peers.items():
         theirs, _ = timed(lambda peer=peer: peer(pair, 0.1, True, steps, 0.0))
-        yield told("cpd", name, f"bunny 5000, {steps} wide steps", "seconds a step", mine / steps, theirs / steps)
+        yield figures("cpd", name, f"bunny 5000, {steps} wide steps", "seconds a step", mine / steps, theirs / steps)
 
 
-def errors_of(poses, pairs):
+def pose_errors(poses, pairs):
     """(trials, 2): degrees, and the paper's Frobenius norm."""
     return np.array(
         [

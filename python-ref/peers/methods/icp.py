@@ -11,19 +11,19 @@ points that belong together (section IV-C).
 import numpy as np
 
 from peers.methods import protocols
-from peers.methods.rule_table import difference, errors, successes, told
+from peers.methods.rule_table import difference, errors, successes, figures
 from peers.programs import crate, left_out, open3d, pcl, small_gicp
 from reference import scans
 from reference.pose_error import centroid_shift, frobenius, rotation_degrees
 
 METHODS = {"icp": "point", "plane-icp": "plane", "gicp": "generalized"}
-BOUND = 0.05
+MAX_DISTANCE_SHARE = 0.05
 """Longest pair, of the source's size: what 4 degrees and 1 % of the size can make."""
 NEIGHBORS = 20
-ITERATIONS = 200
-REST = 1e-6
+MAX_ITERATIONS = 200
+TOLERANCE = 1e-6
 """Radians, and share of the size."""
-PAPER = ("0.5", "1000", "1e-9", "0.05")
+PAPER_SETTINGS = ("0.5", "1000", "1e-9", "0.05")
 """Longest pair, iterations, transformation and Euclidean fitness epsilon (section IV-A)."""
 
 
@@ -52,7 +52,7 @@ def peers():
 
 
 def crate_from(method, pair):
-    bound = BOUND * pair.size()
+    bound = MAX_DISTANCE_SHARE * pair.size()
     found = crate.register(
         pair.source, pair.target, method, initial=pair.initial, max_distance=bound
     )
@@ -60,8 +60,8 @@ def crate_from(method, pair):
 
 
 def open3d_from(metric, pair):
-    settings = {"initial": pair.initial, "most": ITERATIONS, "neighbors": NEIGHBORS}
-    bound = BOUND * pair.size()
+    settings = {"initial": pair.initial, "max_iterations": MAX_ITERATIONS, "neighbors": NEIGHBORS}
+    bound = MAX_DISTANCE_SHARE * pair.size()
     return open3d.iterative_closest_point(metric, pair.source, pair.target, bound, **settings)
 
 
@@ -70,12 +70,12 @@ def small_gicp_from(metric, pair):
         metric,
         pair.source,
         pair.target,
-        max_distance=BOUND * pair.size(),
+        max_distance=MAX_DISTANCE_SHARE * pair.size(),
         initial=pair.initial,
         neighbors=NEIGHBORS,
-        most=ITERATIONS,
-        rotation_rest=REST,
-        translation_rest=REST * pair.size(),
+        max_iterations=MAX_ITERATIONS,
+        rotation_tolerance=TOLERANCE,
+        translation_tolerance=TOLERANCE * pair.size(),
     )
 
 
@@ -95,10 +95,10 @@ def on_the_papers_protocols(scope):
             where = f"{pairs[0].kind} bunny {'large' if large else 'small'}"
             found = [crate.register(p.source, p.target, "icp-paper") for p in pairs]
             poses = [f.transform for f in found]
-            theirs, iterations = pcl.iterative_closest_point(((p.source, p.target) for p in pairs), PAPER)
+            theirs, iterations = pcl.iterative_closest_point(((p.source, p.target) for p in pairs), PAPER_SETTINGS)
             yield from compared("icp-paper", "PCL", where, pairs, poses, theirs, quantity)
             steps = np.mean([f.iterations for f in found]), np.mean(iterations)
-            yield told("icp-paper", "PCL", where, "mean iterations", *steps)
+            yield figures("icp-paper", "PCL", where, "mean iterations", *steps)
 
 
 def shift_of_the_same_points(pose, pair):

@@ -2,14 +2,14 @@
 
 GMMReg (Jian and Vemuri 2011) also makes the correlation of two blurred clouds greatest,
 but of Gaussian mixtures fitted to them, by BFGS and at one bandwidth unless asked. The
-figures are told, not judged: it is another method.
+figures are shown, not judged: it is another method.
 """
 
 import numpy as np
 
 from peers.methods import protocols
 from peers.methods.cpd import in_radii
-from peers.methods.rule_table import told
+from peers.methods.rule_table import figures
 from peers.programs import crate, left_out, probreg
 from reference import scans
 from reference.pose_error import rotation_degrees
@@ -30,7 +30,7 @@ def rows(scope):
             for poses in (mine, map(gmmreg, pairs))
         )
         label = f"{kind.__name__} bunny small, {points}"
-        yield told("kc", "probreg GMMReg", label, "median rotation, deg", *errors)
+        yield figures("kc", "probreg GMMReg", label, "median rotation, deg", *errors)
 
 
 def gmmreg(pair):

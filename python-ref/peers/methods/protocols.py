@@ -73,8 +73,8 @@ def accuracy(model, trials, large, points=500, seed=0):
 
 def robustness(model, trials, large, points=500, outliers=100, radius=0.1, seed=0):
     """The paper's robustness test (section IV-C): the same points twice, `outliers` more
-    drawn evenly from a ball about the target's centroid. Of the printed "radius 0.2" only
-    a ball of that *diameter* gives the printed figures."""
+    drawn evenly from a ball about the target's centroid. Only a ball of
+    that *diameter* gives the figures printed for "radius 0.2"."""
     for trial in range(trials):
         rng = np.random.default_rng((seed, trial, large))
         source = by_area(model, points, rng)

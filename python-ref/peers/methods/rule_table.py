@@ -13,7 +13,7 @@ class Row:
     """With its unit."""
     found: str
     rule: str = ""
-    """What must hold; empty for what is only told."""
+    """The condition that must hold; empty where figures are only shown."""
     holds: bool = True
 
     def line(self):
@@ -46,6 +46,6 @@ def errors(method, peer, clouds, quantity, ours, theirs, slack=1.1):
     return Row(method, peer, clouds, quantity, found, f"at most {slack:g} x", bool(ours <= slack * theirs))
 
 
-def told(method, peer, clouds, quantity, ours, theirs):
+def figures(method, peer, clouds, quantity, ours, theirs):
     """Two figures side by side that need not agree."""
     return Row(method, peer, clouds, quantity, f"{ours:.4g} | {theirs:.4g}")

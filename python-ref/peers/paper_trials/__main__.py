@@ -64,7 +64,7 @@ def run(cells, folder):
                 else:
                     print(f"left out: {path} has {len(records)} trials", file=sys.stderr)
         for contender in contenders:
-            path = folder / "peers" / f"{cell.name}_{contender.word()}.csv"
+            path = folder / "peers" / f"{cell.name}_{contender.file_name()}.csv"
             records = trials.register(contender, cell)
             title = contender.title()
             trials.write(records, path, cell=cell.name, method=title, settings=contender.settings)

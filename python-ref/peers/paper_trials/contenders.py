@@ -1,7 +1,7 @@
 """The peers, each with the settings its authors recommend, in units of the clouds' spacing.
 
-The recommendations are multiples of the voxel that clouds are thinned by. 500 points need
-no thinning; their spacing (`TrialPair.spacing`) is what a voxel would leave, and stands for it.
+The recommendations are multiples of the voxel that clouds are downsampled by. 500 points need
+no downsampling; their spacing (`TrialPair.spacing`) is what a voxel would leave, and stands for it.
 Nothing was tuned to the trials. On one processor (`__main__`) each gives the same again:
 Open3D's two take a seed, KISS-Matcher takes none and was found to do so too. On more,
 RANSAC does not.
@@ -29,8 +29,8 @@ class Contender:
     align: Callable
     """From a pair and the settings to the pose (4, 4), or None."""
 
-    def word(self):
-        """In names of files."""
+    def file_name(self):
+        """As files of its trials are called."""
         return self.name.lower().split()[0]
 
     def title(self):
@@ -50,29 +50,29 @@ FEATURES = {"normal_radius": 2.0, "normal_most": 30, "fpfh_radius": 5.0, "fpfh_m
 """Open3D's tutorial on global registration."""
 
 
-def described(pair, normal_radius, normal_most, fpfh_radius, fpfh_most):
+def feature_clouds(pair, normal_radius, normal_most, fpfh_radius, fpfh_most):
     """Clouds with FPFH of both sides, as Open3D has them."""
     unit = pair.spacing()
     sizes = normal_radius * unit, normal_most, fpfh_radius * unit, fpfh_most
     sides = zip((pair.source, pair.target), pair.viewpoints)
-    return [open3d.described(points, viewpoint, *sizes) for points, viewpoint in sides]
+    return [open3d.feature_cloud(points, viewpoint, *sizes) for points, viewpoint in sides]
 
 
 def ransac(pair, distance, edge_length, iterations, confidence, seed, **features):
-    clouds = described(pair, **features)
+    clouds = feature_clouds(pair, **features)
     open3d.seed(seed)
     return open3d.ransac(*clouds, distance * pair.spacing(), edge_length, iterations, confidence)
 
 
 def fast_global(pair, distance, seed, **features):
-    clouds = described(pair, **features)
+    clouds = feature_clouds(pair, **features)
     open3d.seed(seed)
     return open3d.fast_global(*clouds, distance * pair.spacing())
 
 
 def second_order(pair, threshold, **features):
     """Matches are each source point and the target point of the nearest descriptor."""
-    i, j = open3d.matches(*described(pair, **features)).T
+    i, j = open3d.matches(*feature_clouds(pair, **features)).T
     return sc2pcr(pair.source[i], pair.target[j], threshold * pair.spacing())
 
 

@@ -1,4 +1,4 @@
-"""What became of the trials of a cell: CSV with the columns of the crate's own."""
+"""Outcomes of the trials of a cell: CSV with the columns of the crate's own."""
 
 import csv
 import json
@@ -32,20 +32,20 @@ class Record:
 
 def register(contender, cell):
     """A record a trial."""
-    return [one(contender, number, pair) for number, pair in enumerate(cell.pairs)]
+    return [register_pair(contender, number, pair) for number, pair in enumerate(cell.pairs)]
 
 
-def one(contender, number, pair):
+def register_pair(contender, number, pair):
     try:
         pose = contender.align(pair, **contender.settings)
     except (RuntimeError, np.linalg.LinAlgError) as error:
         return Record(number, error=str(error) or type(error).__name__)
     if pose is None:
         return Record(number, error="no answer")
-    return judged(number, np.asarray(pose), pair)
+    return evaluated(number, np.asarray(pose), pair)
 
 
-def judged(number, pose, pair):
+def evaluated(number, pose, pair):
     off = (pose - pair.truth)[:3, :3] @ pair.source.mean(axis=0) + (pose - pair.truth)[:3, 3]
     return Record(
         number,

@@ -73,15 +73,15 @@ def fpfh_seen_from(points, k, viewpoint):
     return feature(made, nearest(k)).data.T
 
 
-def described(points, viewpoint, normal_radius, normal_most, fpfh_radius, fpfh_most, voxel=None):
+def feature_cloud(points, viewpoint, normal_radius, max_normal_neighbors, fpfh_radius, max_fpfh_neighbors, voxel=None):
     """A cloud, downsampled where a voxel is given, and its FPFH, both as Open3D has them: of the
     points within a radius, so many at most. `ransac`, `fast_global` and `matches` take it."""
     made = cloud(points)
     if voxel is not None:
         made = made.voxel_down_sample(voxel)
-    made.estimate_normals(within(normal_radius, normal_most))
+    made.estimate_normals(within(normal_radius, max_normal_neighbors))
     made.orient_normals_towards_camera_location(viewpoint)
-    return made, feature(made, within(fpfh_radius, fpfh_most))
+    return made, feature(made, within(fpfh_radius, max_fpfh_neighbors))
 
 
 def feature(made, search):
@@ -92,8 +92,8 @@ def nearest(k):
     return import_open3d().geometry.KDTreeSearchParamKNN(k)
 
 
-def within(radius, most):
-    return import_open3d().geometry.KDTreeSearchParamHybrid(radius, most)
+def within(radius, max_neighbors):
+    return import_open3d().geometry.KDTreeSearchParamHybrid(radius, max_neighbors)
 
 
 def iss(points, salient_radius, non_max_radius, gamma21, gamma32, min_neighbors):
@@ -109,7 +109,7 @@ def iss(points, salient_radius, non_max_radius, gamma21, gamma32, min_neighbors)
 
 
 def ransac(source, target, distance, edge_length=0.9, iterations=100_000, confidence=0.999):
-    """Pose by RANSAC of three mutual matches of `described` clouds, as Open3D's tutorial has it;
+    """Pose by RANSAC of three mutual matches of two `feature_cloud`s, as Open3D's tutorial has it;
     the distance is the longest of a pair that counts."""
     registration = import_open3d().pipelines.registration
     return registration.registration_ransac_based_on_feature_matching(
@@ -128,7 +128,7 @@ def ransac(source, target, distance, edge_length=0.9, iterations=100_000, confid
 
 
 def fast_global(source, target, distance):
-    """Pose by fast global registration of `described` clouds."""
+    """Pose by fast global registration of two `feature_cloud`s."""
     registration = import_open3d().pipelines.registration
     option = registration.FastGlobalRegistrationOption(maximum_correspondence_distance=distance)
     return registration.registration_fgr_based_on_feature_matching(
@@ -137,7 +137,7 @@ def fast_global(source, target, distance):
 
 
 def matches(source, target):
-    """(n, 2) indices: each source point of `described` clouds and the target point of the nearest
+    """(n, 2) indices: each source point of two `feature_cloud`s and the target point of the nearest
     descriptor."""
     registration = import_open3d().pipelines.registration
     return np.asarray(
@@ -146,12 +146,12 @@ def matches(source, target):
 
 
 def iterative_closest_point(
-    metric, source, target, max_distance, initial=np.eye(4), tolerance=1e-9, most=200, neighbors=20
+    metric, source, target, max_distance, initial=np.eye(4), tolerance=1e-9, max_iterations=200, neighbors=20
 ):
     """Pose by ICP from point to `point`, to `plane` or `generalized`, of arrays or clouds; those
     without normals get normals of so many neighbours where the metric needs them."""
     registration = import_open3d().pipelines.registration
-    criteria = registration.ICPConvergenceCriteria(tolerance, tolerance, most)
+    criteria = registration.ICPConvergenceCriteria(tolerance, tolerance, max_iterations)
     source, target = (cloud(c) if isinstance(c, np.ndarray) else c for c in (source, target))
     arguments = source, target, max_distance, initial
     if metric == "generalized":

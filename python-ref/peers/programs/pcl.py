@@ -41,12 +41,12 @@ def program(name):
 
 
 def run(name, *arguments):
-    """What the program prints."""
-    command = [program(name), *map(word, arguments)]
+    """Runs the program and returns the text that it prints."""
+    command = [program(name), *map(as_word, arguments)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def word(argument):
+def as_word(argument):
     """An argument as text: floats with all their digits."""
     return repr(float(argument)) if isinstance(argument, float) else str(argument)
 

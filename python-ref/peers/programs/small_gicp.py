@@ -1,7 +1,7 @@
 """small_gicp: the ICP family, and normals."""
 
 
-def register(metric, source, target, max_distance, initial, neighbors, most, rotation_rest, translation_rest):
+def register(metric, source, target, max_distance, initial, neighbors, max_iterations, rotation_tolerance, translation_tolerance):
     """Pose by ICP from point to `point`, to `plane` or `generalized`; surfaces of so many neighbours."""
     import small_gicp
 
@@ -14,9 +14,9 @@ def register(metric, source, target, max_distance, initial, neighbors, most, rot
         init_T_target_source=initial,
         registration_type={"point": "ICP", "plane": "PLANE_ICP", "generalized": "GICP"}[metric],
         max_correspondence_distance=max_distance,
-        max_iterations=most,
-        rotation_epsilon=rotation_rest,
-        translation_epsilon=translation_rest,
+        max_iterations=max_iterations,
+        rotation_epsilon=rotation_tolerance,
+        translation_epsilon=translation_tolerance,
     ).T_target_source
 
 

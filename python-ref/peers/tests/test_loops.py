@@ -5,7 +5,7 @@ import unittest
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from peers.loops import about_zero, loop_nees, loops, nees, small
+from peers.loops import about_zero, loop_nees, loops, nees, twist_from
 
 
 def motion(vector):
@@ -44,7 +44,7 @@ class Loops(unittest.TestCase):
         for _ in range(2000):
             poses = [self.found(*three) for three in zip(truths, covariances, centers)]
             closed.append(loop_nees(*poses))
-            single.append(nees(small(truths[0] @ np.linalg.inv(poses[0][0])), poses[0][1]))
+            single.append(nees(twist_from(truths[0] @ np.linalg.inv(poses[0][0])), poses[0][1]))
         # The mean of 2000 has a standard deviation of 0.08.
         self.assertAlmostEqual(np.mean(closed), 6, delta=0.4)
         self.assertAlmostEqual(np.mean(single), 6, delta=0.4)

@@ -41,7 +41,7 @@ class Trials(unittest.TestCase):
         # About where the centroid belongs, and then 0.25 along y.
         place = self.pair.truth[:3, :3] @ center + self.pair.truth[:3, 3]
         off[:3, 3] = place - turn @ place + [0.0, 0.25, 0.0]
-        found = trials.judged(7, off @ self.pair.truth, self.pair)
+        found = trials.evaluated(7, off @ self.pair.truth, self.pair)
         self.assertAlmostEqual(found.rotation_deg, 10.0)
         # |I - R|_F = 2 sqrt(2) sin(angle / 2).
         self.assertAlmostEqual(found.frobenius, 2 * np.sqrt(2) * np.sin(np.radians(5)))
@@ -59,7 +59,7 @@ class Trials(unittest.TestCase):
             self.assertTrue(all(record.lost() for record in records))
 
     def test_records_come_back_also_from_the_crates_files(self):
-        records = [trials.judged(0, self.pair.truth, self.pair), trials.Record(1, error="a, b")]
+        records = [trials.evaluated(0, self.pair.truth, self.pair), trials.Record(1, error="a, b")]
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "cell.csv"
             trials.write(records, path, cell="cell")

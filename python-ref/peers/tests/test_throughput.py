@@ -1,4 +1,4 @@
-"""What the bench of pairs in bulk counts."""
+"""The bench of pairs in bulk counts right poses, rates and memory."""
 
 import tempfile
 import unittest
@@ -25,7 +25,7 @@ class Throughput(unittest.TestCase):
         self.assertFalse(throughput.is_right(np.full((4, 4), np.nan), truth, 1.0))
 
     @unittest.skipUnless(is_installed("cfreg"), "cfreg is not installed")
-    def test_pairs_are_thinned_and_counted(self):
+    def test_pairs_are_downsampled_and_counted(self):
         import cfreg
 
         with tempfile.TemporaryDirectory() as room:
@@ -40,9 +40,9 @@ class Throughput(unittest.TestCase):
             unit = ",".join(str(int(i == j)) for i in range(4) for j in range(4))
             rows += [f"stanford_bunny,a.ply,b.ply,{unit}", f"kitti00,a.ply,b.ply,{unit}"]
             (data / "pairs.csv").write_text("\n".join(rows) + "\n")
-            folder = Path(room, "thinned")
+            folder = Path(room, "downsampled")
             folder.mkdir()
-            pairs = throughput.thinned(data, 400, folder)
+            pairs = throughput.downsampled_pairs(data, 400, folder)
             self.assertEqual([pair[:2] for pair in pairs], [("a.ply", "b.ply")])
             self.assertEqual(len(cfreg.read(folder / "a.ply")), 400)
             count, rate, right = throughput.pairs_a_second("cfreg", folder, pairs, 1, 0.2)

@@ -116,7 +116,7 @@ def main():
 
 
 def row(source, target, weights, normalize, right):
-    """What one step finds with these weights, and on how many pairs it rests."""
+    """The pose that one step finds with these weights, and on how many pairs it rests."""
     scheme = {"weights": getattr(weights, "__name__", str(weights)), "normalize": normalize}
     try:
         found = cfreg.register(source, target, "cf", weights=weights, normalize=normalize)

@@ -42,7 +42,7 @@ def kernels(schemes, source, target, features, right, path):
     )
     for weights in schemes:
         above.plot(d2, weights(d2), label=getattr(weights, "__name__", str(weights)))
-    above.set(xscale="log", ylabel="weight", title="What a pair weighs, by how unlike its descriptors are")
+    above.set(xscale="log", ylabel="weight", title="Weight of a pair, by how unlike its descriptors are")
     above.legend(frameon=False)
     for partners, colour, name in ((any_target, GREY, "any pairs"), (nearest, ORANGE, "right pairs")):
         apart = ((features[0][some] - features[1][partners]) ** 2).sum(axis=1)

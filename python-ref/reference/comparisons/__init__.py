@@ -1,4 +1,4 @@
-"""What `compare.py` measures, a module a story.
+"""The crate beside the reference, exact arithmetic and Open3D, a module a story.
 
 Each has `BOUNDS`, quantity to (the greatest value allowed, why it may be that large), and
 `sections(scope)`, which yields a title and an iterable of (quantity, who, value).

@@ -49,7 +49,7 @@ class Connection:
     descriptors: tuple
     """f32 numbers in f64, (N, D) and (M, D)."""
     prefix: str = ""
-    """Of the quantities that depend on the points."""
+    """Begins the names of quantities that depend on the points."""
 
     def points(self):
         return exact.as_float(self.source), exact.as_float(self.target)
@@ -120,7 +120,7 @@ def differences(found, table, connection, pose):
     yield "sum of weights", abs(sums.weight / true.weight - 1)
     yield "sum of squared weights", abs(sums.weight_squared / true.weight_squared - 1)
     size = exact.exact(np.linalg.norm(np.ptp(connection.points()[0], axis=0)))
-    yield f"{connection.prefix}moments / size", moments_apart(sums, true, size)
+    yield f"{connection.prefix}moments / size", moments_difference(sums, true, size)
     expected = exact.residual_of_pairs(table, *points, exact.rows(pose))
     yield f"{connection.prefix}residual of a pose", abs(exact.exact(residual(found, pose)) / expected - 1)
 
@@ -131,7 +131,7 @@ def residual(found, pose):
     return ref.weighted_residual(found, 1.0, pose[:3, :3], pose[:3, 3])
 
 
-def moments_apart(a, b, size):
+def moments_difference(a, b, size):
     """The largest difference of any moment, over the sum of weights and a power of the size."""
     cross = (x - y for rows in zip(a.cross, b.cross) for x, y in zip(*rows))
     lengths = minus(a.source_sum, b.source_sum) + minus(a.target_sum, b.target_sum)

@@ -59,7 +59,7 @@ def measured(cfreg):
         found = ref.moments(np.eye(PAIRS), source, target)
         yield from judged("reference - exact", name, found, Reference)
         if cfreg:
-            found = matched(cfreg, source, target)
+            found = moments_of_pairs(cfreg, source, target)
             yield from judged("cfreg - exact", name, found, Crate(cfreg))
 
 
@@ -78,7 +78,7 @@ class Crate:
         self.residual = lambda sums, matrix: sums.residual(matrix)
 
 
-def matched(cfreg, source, target):
+def moments_of_pairs(cfreg, source, target):
     """Moments of the pairs (i, i) alone: descriptors are numbers, far apart from the next."""
     numbers = np.arange(float(len(source)))[:, None]
     return cfreg.moments(source, target, numbers, numbers, weights="truncated", beta=0.25)
@@ -93,8 +93,8 @@ def judged(who, name, found, implementation):
         for solver in ref.SOLVERS:
             label = f"{who}, {name}, {solver}, {scale}"
             rows = exact.rows(implementation.solve(found, solver, scale))
-            yield ROTATION, label, turned(rows, true) / condition(true, solver, spread)
-            yield MEAN, label, misplaced(rows, sums, size)
+            yield ROTATION, label, rotation_error(rows, true) / condition(true, solver, spread)
+            yield MEAN, label, mean_error(rows, sums, size)
         for pose in (implementation.solve(found, "arun", scale), far_pose(sums)):
             error = residual_error(implementation.residual(found, pose), pose, sums, size)
             yield NEAR_ONE if is_near_one(pose) else RESIDUAL, f"{who}, {name}, {scale}", error
@@ -121,7 +121,7 @@ def far_pose(sums):
     return pose
 
 
-def turned(rows, true):
+def rotation_error(rows, true):
     """Norm of the difference of both matrices, over the scale."""
     wanted = true.matrix()
     differences = (x - y for a, b in zip(rows[:3], wanted[:3]) for x, y in zip(a[:3], b[:3]))
@@ -129,14 +129,14 @@ def turned(rows, true):
 
 
 def condition(true, solver, spread):
-    """What a rounding of the cross covariance, relative to the product of the clouds'
-    spreads, turns. Horn's matrix form squares the covariance, and so the condition."""
+    """The angle by which a rounding of the cross covariance, relative to the product of the
+    clouds' spreads, turns the rotation. Horn's matrix form squares the covariance, and so the condition."""
     first, second, third = true.singular_values
     least = second + third
     return spread * first / (second * least) if solver == "horn-matrix" else spread / least
 
 
-def misplaced(rows, sums, size):
+def mean_error(rows, sums, size):
     """How far off the target's mean the source's comes, over the coordinates' magnitude."""
     p = [o + s / sums.weight for o, s in zip(sums.source_origin, sums.source_sum)]
     q = [o + s / sums.weight for o, s in zip(sums.target_origin, sums.target_sum)]

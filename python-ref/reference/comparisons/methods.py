@@ -115,18 +115,18 @@ def compared(who, label, found, steps, source):
     label = f"{who}, {label}"
     yield "steps more or fewer", label, abs(len(found.trace) - len(steps))
     for mine, step in zip(found.trace, steps):
-        turned, shifted = apart(np.asarray(mine["transform"]), matrix(step), size)
+        turned, shifted = pose_difference(np.asarray(mine["transform"]), matrix(step), size)
         yield "every step: rotation and scale", label, turned
         yield "every step: translation / size", label, shifted
         for name in ("objective", "weight", "bandwidth"):
             if step.get(name) is not None:
                 yield f"every step: {name}, relative", label, abs(mine[name] / step[name] - 1)
-    turned, shifted = apart(found.transform, matrix(steps[-1]), size)
+    turned, shifted = pose_difference(found.transform, matrix(steps[-1]), size)
     yield "last pose: rotation and scale", label, turned
     yield "last pose: translation / size", label, shifted
 
 
-def apart(a, b, size):
+def pose_difference(a, b, size):
     """The largest difference of the upper left entries, and of the shift over the size."""
     return np.abs(a - b)[:3, :3].max(), np.linalg.norm((a - b)[:3, 3]) / size
 

@@ -28,7 +28,7 @@ BOUNDS = {
     "FPFH L1 of 300, median": (1e-3, "the same pairs in the same bins, summed in f32"),
     "FPFH share of points differing by > 1": (1e-3, "few pairs lie at the edge of a bin in f32"),
 }
-"""What may differ, and why."""
+"""The greatest difference allowed, and the reason."""
 
 
 def main():

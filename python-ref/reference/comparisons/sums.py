@@ -46,7 +46,7 @@ def sums(a, b, size, cfreg, beta):
         weights = ref.normalise(ref.weigh(d2, kernel, beta), normalisation)
         origins = np.asarray(found.source_origin), np.asarray(found.target_origin)
         expected = ref.moments(weights, a.points, b.points, *origins)
-        apart = moments_apart(found, expected, size)
+        apart = moments_difference(found, expected, size)
         label = f"cfreg - reference, {kernel}, {normalisation}"
         if kernel == "truncated":
             in_doubt = np.count_nonzero(np.abs(d2 - beta) < DISTANCE_ROUNDING)
@@ -69,8 +69,8 @@ def poses(found, expected, size, cfreg, label):
             matrix = np.asarray(cfreg.solve(found, solver=solver, scale=scale))
             who = f"{label}, {solver}, scale {scale}"
             alone = ref.solve(same, solver, scale).matrix()
-            yield "pose from equal moments, difference", who, pose_apart(matrix, alone, size)[2]
-            angle, shift, _ = pose_apart(matrix, ref.solve(expected, solver, scale).matrix(), size)
+            yield "pose from equal moments, difference", who, pose_difference(matrix, alone, size)[2]
+            angle, shift, _ = pose_difference(matrix, ref.solve(expected, solver, scale).matrix(), size)
             yield "pose, rotation, degrees", who, angle
             yield "pose, translation / size", who, shift
 
@@ -79,12 +79,12 @@ def registration(a, b, size, cfreg, beta):
     """From clouds to pose at once, both seen from the origin."""
     result = cfreg.register(a, b, "cf", neighbors=ref.NEIGHBORS, beta=beta)
     expected = ref.register(a, b, ref.NEIGHBORS, beta).matrix()
-    angle, shift, _ = pose_apart(result.transform, expected, size)
+    angle, shift, _ = pose_difference(result.transform, expected, size)
     yield "register, rotation, degrees", "cfreg - reference", angle
     yield "register, translation / size", "cfreg - reference", shift
 
 
-def moments_apart(a, b, size):
+def moments_difference(a, b, size):
     """The largest difference of any moment, each relative to the sum of weights and
     as many factors `size` as it has lengths."""
     return max(
@@ -99,7 +99,7 @@ def moments_apart(a, b, size):
     )
 
 
-def pose_apart(a, b, size):
+def pose_difference(a, b, size):
     """Between two (4, 4) similarities: angle in degrees, translation over `size`, and
     the largest difference of an entry with lengths over `size`."""
     turned = rotation_degrees(*(m[:3, :3] / np.cbrt(np.linalg.det(m[:3, :3])) for m in (a, b)))

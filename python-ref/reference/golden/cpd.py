@@ -26,13 +26,13 @@ def cases():
         for outliers, scale in itertools.product((0.0, 0.1, 0.5), ("fixed", "umeyama"))
     ]
     expected = [
-        [described(step) for step in steps(source, target, run["outliers"], run["scale"], STEPS, unit)]
+        [as_record(step) for step in steps(source, target, run["outliers"], run["scale"], STEPS, unit)]
         for run in runs
     ]
     return {"cpd": ({"source": source, "target": target, "runs": runs}, expected)}
 
 
-def described(step):
+def as_record(step):
     return {
         "sigma": step.sigma,
         "objective": step.objective,

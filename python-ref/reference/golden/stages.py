@@ -52,8 +52,8 @@ def surface_pair(pair):
     expected = {
         "true_rotation": pair.rotation,
         "true_translation": pair.translation,
-        "source": described(pair.source, pair.source_viewpoint),
-        "target": described(pair.target, pair.target_viewpoint),
+        "source": stages_of_cloud(pair.source, pair.source_viewpoint),
+        "target": stages_of_cloud(pair.target, pair.target_viewpoint),
         "registrations": [],
     }
     for scale, beta in (("pcl", ref.BETA), ("pcl", WIDE_BETA), ("open3d", 4.0 * WIDE_BETA)):
@@ -65,7 +65,7 @@ def surface_pair(pair):
     return given, expected
 
 
-def described(points, viewpoint):
+def stages_of_cloud(points, viewpoint):
     normals, curvature = ref.normals(points, NEIGHBORS, viewpoint)
     return {
         "neighbours": ref.nearest(points, NEIGHBORS)[0],

@@ -17,7 +17,7 @@ MATCHES = 40
 BOUND = 0.02
 THRESHOLD = 0.005
 MARGIN = 1e-5
-"""Of distances that decide, in units of the clouds; f32 coordinates round by 6e-8."""
+"""Least clearance of distances that decide, in units of the clouds; f32 coordinates round by 6e-8."""
 
 
 def cases():

@@ -27,7 +27,7 @@ class Icp(unittest.TestCase):
         if not is_installed("open3d"):
             self.skipTest("open3d is not installed")
         clouds = [open3d.cloud(c, normals(c, 20)[0]) for c in (self.source, self.target)]
-        return open3d.iterative_closest_point(metric, *clouds, BOUND, tolerance=0.0, most=iterations)
+        return open3d.iterative_closest_point(metric, *clouds, BOUND, tolerance=0.0, max_iterations=iterations)
 
     def test_open3d_takes_the_same_point_to_point_steps(self):
         steps = icp(self.source, self.target, max_distance=BOUND, max_iterations=6)

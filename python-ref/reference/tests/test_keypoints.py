@@ -4,7 +4,7 @@ import unittest
 
 import numpy as np
 
-from reference.keypoints import extrema, iss, sift, sift_octaves, spreads, thinned
+from reference.keypoints import extrema, iss, sift, sift_octaves, spreads, downsampled
 from reference.rotations import random_rotation
 from reference.surfaces import relief
 
@@ -28,10 +28,10 @@ class Sift(unittest.TestCase):
 
     def test_cubes_hold_the_mean_and_are_those_of_the_corner(self):
         points = np.array([[0.0, 0, 0], [0.5, 0.5, 0], [1.5, 0, 0]])
-        means, values = thinned(points, [1.0, 3.0, 5.0], 1.0, np.zeros(3))
+        means, values = downsampled(points, [1.0, 3.0, 5.0], 1.0, np.zeros(3))
         np.testing.assert_allclose(means, [[0.25, 0.25, 0], [1.5, 0, 0]])
         np.testing.assert_allclose(values, [2.0, 5.0])
-        self.assertEqual(len(thinned(points, [1.0, 3.0, 5.0], 1.0, np.array([-0.5, -0.5, 0.0]))[0]), 3)
+        self.assertEqual(len(downsampled(points, [1.0, 3.0, 5.0], 1.0, np.array([-0.5, -0.5, 0.0]))[0]), 3)
 
     def test_a_shift_changes_nothing_unless_the_corner_stays(self):
         points = np.round(relief(400, np.random.default_rng(3)) * 2.0**16) / 2.0**16

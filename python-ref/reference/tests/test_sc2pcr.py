@@ -29,7 +29,7 @@ class SecondOrder(unittest.TestCase):
     def test_noise_is_averaged_over_the_right_matches(self):
         source, target, truth = self.matches(200, 120, noise=0.01)
         found = sc2pcr(source, target, 0.05)
-        # Of 80 points about a unit cube: 0.01 / sqrt(80), with room.
+        # For 80 points about a unit cube: 0.01 / sqrt(80), with room.
         np.testing.assert_allclose(found, truth, atol=0.006)
         within = inliers(found, source, target, 0.05)
         self.assertGreaterEqual(within.sum(), 80)

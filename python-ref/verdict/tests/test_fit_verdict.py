@@ -21,7 +21,7 @@ def poses(count, seed=1):
     places = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
     standing = rng.normal(size=(count, 2))
     drawn = Poses(terms, standing, known, np.zeros(count, bool), places[:, 0], places)
-    drawn.right = rng.uniform(size=count) < TRUE.told(drawn)
+    drawn.right = rng.uniform(size=count) < TRUE.probabilities(drawn)
     return drawn
 
 
@@ -43,7 +43,7 @@ class Fit(unittest.TestCase):
         self.assertLess(np.mean(drawn.right), 0.4)
         judge = fit(drawn, drawn)
         self.assertLess(judge.answer[0], -0.5)
-        self.assertLess(calibration_error(judge.told(drawn), drawn.right), 0.02)
+        self.assertLess(calibration_error(judge.probabilities(drawn), drawn.right), 0.02)
 
     def test_the_source_has_as_many_constants_as_there_are_terms(self):
         source = source_judge()
