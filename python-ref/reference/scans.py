@@ -12,11 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from peers.programs import open3d
+from peers.programs import REPOSITORY, open3d
 from reference.rotations import random_rotation
 from reference.surfaces import VIEWPOINT, as_f32, relief
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 BUNNY = "stanford_bunny/bun000.ply"
 DRAGON = "stanford_dragon_stand/dragonStandRight_0.ply"

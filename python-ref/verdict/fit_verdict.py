@@ -29,10 +29,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from peers.printed import table
+from peers.programs import REPOSITORY
 
 TERMS = ["1", "ln(overlap + 0.01)", "ln(max(likeness + 0.1, 0.01))", "ln(1 + support)", "sqrt(contradicted)"]
 STANDING = ["1", "log odds", "ln(1 + votes)", "ln(spread)"]
-SOURCE = Path(__file__).resolve().parents[2] / "src/method/consensus"
+SOURCE = REPOSITORY / "src/method/consensus"
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
 ELSEWHERE = {"stanford_bunny", "stanford_dragon_stand", "stanford_armadillo_simulated"}
 """Where the zero of the files is not where the sensor stood, whatever the benchmark was told."""

@@ -4,8 +4,11 @@ Clouds are (N, 3) arrays, a pose is a (4, 4) array from source to target.
 """
 
 import importlib.util
+from pathlib import Path
 
 import numpy as np
+
+REPOSITORY = Path(__file__).resolve().parents[3]
 
 
 def is_installed(package):

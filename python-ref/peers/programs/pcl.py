@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-REPOSITORY = Path(__file__).resolve().parents[3]
+from peers.programs import REPOSITORY
+
 SOURCES = REPOSITORY / "python-ref" / "pcl"
 BUILD = REPOSITORY / "target" / "pcl"
 
@@ -43,7 +44,10 @@ def program(name):
 def run(name, *arguments):
     """Runs the program and returns the text that it prints."""
     command = [program(name), *map(as_word, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"PCL's {name} failed:\n{done.stderr}")
+    return done.stdout
 
 
 def as_word(argument):

@@ -17,7 +17,7 @@ import sys
 import numpy as np
 
 import reference.golden
-from reference.scans import REPOSITORY
+from peers.programs import REPOSITORY
 
 FOLDER = REPOSITORY / "tests" / "golden"
 
