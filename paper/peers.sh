@@ -10,10 +10,9 @@ case "$*" in
     --smoke) results="$PWD/paper/smoke" ;;
     *) echo "usage: paper/peers.sh [--smoke]" >&2 && exit 2 ;;
 esac
-cargo build --release --quiet -p cfreg-paper
 pairs="$(mktemp -d)"
 trap 'rm -rf "$pairs"' EXIT
-"${CARGO_TARGET_DIR:-target}/release/cfreg-paper" reproduce --pairs "$pairs" "$@"
-source python-ref/environment.sh python-ref/requirements-peers.txt
+source python-ref/environment.sh python-ref/peers/requirements.txt
+cargo run --quiet --release --package cfreg-paper -- reproduce --pairs "$pairs" "$@"
 cd python-ref
-"$python" -m paper_peers "$pairs" "$results" "$@"
+"$python" -m peers.paper_trials "$pairs" "$results" "$@"

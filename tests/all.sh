@@ -7,14 +7,14 @@ step() { printf '\n== %s\n' "$*"; }
 
 # Packages are fetched while Rust compiles.
 environment() {
-    source python-ref/environment.sh python-ref/requirements-peers.txt tests/python/requirements.txt
+    source python-ref/environment.sh python-ref/peers/requirements.txt tests/python/requirements.txt
 }
 environment >/dev/null 2>&1 &
 fetched=$!
 
 if cargo fmt --version >/dev/null 2>&1; then
     step "format"
-    cargo fmt --check
+    cargo fmt --all --check
 else
     step "format: skipped, rustfmt is not installed"
 fi
@@ -31,7 +31,7 @@ wait "$fetched" || true
 environment
 
 step "the reference: its own checks, and the golden cases"
-(cd python-ref && "$python" -m unittest && "$python" golden.py --check)
+(cd python-ref && "$python" -m unittest && "$python" -m reference.golden --check)
 
 step "build"
 # As maturin builds the extension: then both share all that is compiled.
@@ -41,17 +41,17 @@ cargo test --workspace --features cli --no-run
 step "the Python package, and beside it 50 digits, the reference and Open3D"
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
 "$python" -m unittest discover tests/python
-(cd python-ref && "$python" compare.py)
+(cd python-ref && "$python" -m reference.comparisons)
 
 step "the methods beside their peers, in small"
-(cd python-ref && "$python" -m peers --smoke)
+(cd python-ref && "$python" -m peers.methods --smoke)
 
 step "how fast beside the peers: that it runs"
-(cd benches && "$python" -m peers --points 1000 --only moments,features)
-(cd python-ref && "$python" -m unittest test_throughput)
+(cd python-ref && "$python" -m peers.speed --points 1000 --only moments,features)
+(cd python-ref && "$python" -m unittest peers.tests.test_throughput)
 
 step "peers that the paper does not have, in small"
-(cd python-ref && "$python" -m paper_peers --smoke)
+(cd python-ref && "$python" -m peers.paper_trials --smoke)
 
 step "the data folder"
 "$python" -m unittest discover data
@@ -75,7 +75,7 @@ step "the paper's experiments, in small"
 scans="${CFREG_DATA:-$PWD/../shared/data}"
 if [ -d "$scans" ]; then
     rm -rf target/smoke
-    cargo run --quiet --package cfreg-paper -- reproduce --smoke --data "$scans" --output target/smoke >/dev/null
+    "${CARGO_TARGET_DIR:-target}/debug/cfreg-paper" reproduce --smoke --data "$scans" --output target/smoke >/dev/null
 else
     echo "skipped: neither \$CFREG_DATA nor ../shared/data is there"
 fi

@@ -14,6 +14,8 @@ use super::memory::bounded;
 /// Bytes beside ten times the file that a reader of clouds may hold: a buffer of 64 KiB, names and
 /// words.
 const BUFFERS: usize = 128 << 10;
+/// The same of PLY: the parser makes room for up to 65,536 entries of a list that claims to be long.
+const LISTS: usize = BUFFERS + (65_536 << 3);
 /// The same of tables and documents.
 const TABLES: usize = 128 << 10;
 /// The same of rows of results.
@@ -27,9 +29,9 @@ const WORDS: usize = 1000;
 
 /// PLY: clouds, and meshes.
 pub fn ply(data: &[u8]) {
-    cloud("input.ply", data, BUFFERS);
+    cloud("input.ply", data, LISTS);
     let path = door::file("input.ply", data);
-    if let Some(mesh) = heard(bounded(data.len(), BUFFERS, || io::read_mesh(&path)), Some(&path)) {
+    if let Some(mesh) = heard(bounded(data.len(), LISTS, || io::read_mesh(&path)), Some(&path)) {
         let count = mesh.vertices.len();
         assert!(mesh.faces.as_flattened().iter().all(|&corner| (corner as usize) < count));
         assert!(mesh.faces.len() <= data.len());

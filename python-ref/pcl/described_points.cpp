@@ -1,4 +1,4 @@
-// What the paper's implementation connects: points and their descriptors, all by PCL.
+// The points and descriptors that the paper's implementation connects, all by PCL.
 //
 //   described_points CLOUD OUT K
 //   described_points CLOUD OUT K MIN_SCALE OCTAVES SCALES MIN_CONTRAST

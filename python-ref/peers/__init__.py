@@ -1,5 +1,6 @@
-"""The crate's methods beside their best-known implementations, on the same clouds.
+"""Everything that runs other people's programs: the crate beside its peers.
 
-A module a method; each has `rows(scope)`, which yields `table.Row`s and says in one
-line what it leaves out because a peer is not installed.
+`programs` runs them, a module a program. The rest compares: `methods` method by method,
+`paper_trials` on the trials of the paper's tables, `benchmark` and `throughput` on real pairs,
+`speed` stage by stage, `loops` without any reference pose; `tutorial` is a lesson.
 """

@@ -71,8 +71,8 @@ def weighted_means(single, indices, squared):
 def pair_features(p, n, q, m):
     """theta, alpha, phi (..., 3) of points p, q with normals n, m, all (..., 3).
 
-    Of the two points the one whose normal makes the smaller angle with the line
-    between them is the first (Rusu 2009, section II); p is where they tie, as with
+    The point whose normal makes the smaller angle with the line between the two is
+    the first (Rusu 2009, section II); p is where they tie, as with
     equal normals. With u its normal, d the line from it to the other, v = d x u / |d x u| and
     w = u x v:
 

@@ -22,6 +22,7 @@ import numpy as np
 from .moments import moments
 from .normals import normals
 from .pose import solve
+from .rotations import cross_matrix, from_vector
 from .weights import squared_distances, weigh
 
 THICKNESS = 1e-3
@@ -130,19 +131,5 @@ def gauss_newton(w, source, target, rotation, translation, matrix):
         curvature += w[i, j] * jacobian.T @ matrix(i, j) @ jacobian
         gradient += w[i, j] * jacobian.T @ matrix(i, j) @ error
     motion = np.linalg.solve(curvature, -gradient)
-    turn = rodrigues(motion[:3])
+    turn = from_vector(motion[:3])
     return turn @ rotation, turn @ (translation - center) + center + motion[3:]
-
-
-def cross_matrix(v):
-    """K with K x = v cross x."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
-def rodrigues(vector):
-    """The rotation about `vector` by its length."""
-    angle = np.linalg.norm(vector)
-    if angle == 0.0:
-        return np.eye(3)
-    k = cross_matrix(vector / angle)
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k

@@ -33,20 +33,20 @@ def sift(points, values, min_scale, octaves=3, scales=4, min_contrast=0.0, corne
 
 
 def sift_octaves(points, values, min_scale, octaves=3, scales=4, min_contrast=0.0, corner=None):
-    """Per octave the thinned points (n, 3), their values (n,) and the indices of the
+    """Per octave the downsampled points (n, 3), their values (n,) and the indices of the
     extrema among them. Each octave thins the points of the one before, by a grid from
     `corner`: the lowest of the cloud by default, (0, 0, 0) in PCL."""
     corner = np.min(points, axis=0) if corner is None else np.asarray(corner)
     for octave in range(octaves):
         scale = min_scale * 2**octave
-        points, values = thinned(points, values, scale, corner)
+        points, values = downsampled(points, values, scale, corner)
         if len(points) < RIVALS:
             return
         differences = difference_of_gaussians(points, values, scale, scales)
         yield points, values, extrema(points, differences, min_contrast)
 
 
-def thinned(points, values, size, corner):
+def downsampled(points, values, size, corner):
     """Mean point and mean value of every occupied cube of a grid of side `size` from
     `corner`, rounded to f32, as clouds keep them."""
     points = np.asarray(points, dtype=np.float64)

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .rotations import cross_matrix
+
 UNIQUE = 1e-9
 """Relative gap of singular values below which a rotation is not unique."""
 
@@ -167,19 +169,14 @@ def _half(vector):
     return np.append(0.5 * vector, 0.0)
 
 
-def _cross_matrix(v):
-    """K(v) with K(v) x = v x x."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
 def _q_matrix(r):
     """Q(r) (4, 4) with Q(a) b = a b, the product of quaternions, scalar last."""
-    return np.block([[r[3] * np.eye(3) + _cross_matrix(r), r[:3, None]], [-r[None, :3], r[3]]])
+    return np.block([[r[3] * np.eye(3) + cross_matrix(r), r[:3, None]], [-r[None, :3], r[3]]])
 
 
 def _w_matrix(r):
     """W(r) (4, 4) with W(b) a = a b."""
-    return np.block([[r[3] * np.eye(3) - _cross_matrix(r), r[:3, None]], [-r[None, :3], r[3]]])
+    return np.block([[r[3] * np.eye(3) - cross_matrix(r), r[:3, None]], [-r[None, :3], r[3]]])
 
 
 def _require_unique(sums):

@@ -94,7 +94,7 @@ def weighted_pose(weights, source, target):
 
 
 def leading_eigenvector(symmetric):
-    """Of a matrix without negative entries: itself without any (Perron and Frobenius)."""
+    """That of a matrix without negative entries, which has none either (Perron and Frobenius)."""
     return np.abs(np.linalg.eigh(symmetric)[1][:, -1])
 
 

@@ -42,7 +42,7 @@ pub(super) struct Benchmark {
     #[arg(long, value_name = "N", default_value_t = 20, requires = "report")]
     pages: usize,
     /// Instead of registering: every pose that consensus settles, with its evidence and whether it
-    /// is right, as CSV (python-ref/fit_verdict.py reads it)
+    /// is right, as CSV (python-ref/verdict/fit_verdict.py reads it)
     #[arg(long, value_name = "CANDIDATES.csv", conflicts_with_all = ["method", "poses", "output", "figure", "report"])]
     candidates: Option<PathBuf>,
     /// Register the clouds where they stand, not moved at random

@@ -29,7 +29,7 @@ const GAUSSIAN_REACH: f64 = 3.0;
 /// rotation turns the cloud in the grid and has the same effect.
 ///
 /// PCL has no default scales. These leave a fifth of 500 points of a mesh and a seventh to
-/// a fifth of a scan. On the paper's protocols (27 pairs each, `python -m peers --only cfk`
+/// a fifth of a scan. On the paper's protocols (27 pairs each, `python -m peers.methods --only cfk`
 /// in `python-ref`) CFK's median error, beside CF's of all points, is
 ///
 /// | min_scale, octaves, scales | points of 500 to 600 | accuracy bunny, dragon | shift bunny, dragon |

@@ -16,7 +16,8 @@ import cfreg
 import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-HERE = REPOSITORY / "python-ref"
+TUTORIAL = [sys.executable, "-m", "peers.tutorial"]
+IMPORTS = {"PYTHONPATH": str(REPOSITORY / "python-ref")}
 DATA = Path(os.environ.get("CFREG_DATA", REPOSITORY.parent / "shared" / "data"))
 
 
@@ -28,8 +29,8 @@ class Tutorial(unittest.TestCase):
         self.folder = Path(folder.name)
 
     def run_it(self, *arguments, data=None):
-        environment = os.environ | ({} if data is None else {"CFREG_DATA": data})
-        program = [sys.executable, HERE / "tutorial.py", "--output", self.folder, *arguments]
+        environment = os.environ | IMPORTS | ({} if data is None else {"CFREG_DATA": data})
+        program = [*TUTORIAL, "--output", self.folder, *arguments]
         done = subprocess.run(program, capture_output=True, text=True, env=environment)
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
@@ -75,8 +76,8 @@ class Tutorial(unittest.TestCase):
         self.assertNotIn("off by", self.run_it(*files))
 
     def test_one_file_is_not_enough(self):
-        program = [sys.executable, HERE / "tutorial.py", "a.ply", "--output", self.folder / "none"]
-        done = subprocess.run(program, capture_output=True, text=True)
+        program = [*TUTORIAL, "a.ply", "--output", self.folder / "none"]
+        done = subprocess.run(program, capture_output=True, text=True, env=os.environ | IMPORTS)
         self.assertEqual(done.returncode, 2)
         self.assertIn("a SOURCE needs its TARGET", done.stderr)
         self.assertFalse((self.folder / "none").exists())

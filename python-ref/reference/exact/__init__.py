@@ -8,11 +8,11 @@ exact distances. Inputs are taken as the binary numbers they are, or as decimal 
 from .moments import Sums, moments, residual, residual_of_pairs, weights
 from .numbers import DIGITS, as_float, exact, mp, rows
 from .pose import Solution, solve
-from .surface import Described, fpfh, plane
+from .surface import ExactFeatures, fpfh, plane
 
 __all__ = [
     "DIGITS",
-    "Described",
+    "ExactFeatures",
     "Solution",
     "Sums",
     "as_float",

@@ -32,7 +32,7 @@ class Sums:
     target_origin: list
 
     @classmethod
-    def of(cls, found):
+    def from_moments(cls, found):
         """The moments that someone else found, digit for digit."""
         vector = lambda name: [exact(x) for x in getattr(found, name)]
         return cls(

@@ -29,7 +29,7 @@ def plane(points):
 
 
 @dataclass(frozen=True)
-class Described:
+class ExactFeatures:
     """FPFH of a cloud."""
 
     histograms: np.ndarray
@@ -41,7 +41,7 @@ class Described:
 
 
 def fpfh(points, normals, k, scale="pcl"):
-    """Of exact points and normals (rows; of any length), over `k` neighbours, the point
+    """FPFH of exact points and normals (rows; of any length), over `k` neighbours, the point
     itself counted. Rusu, Blodow and Beetz, ICRA 2009; see `reference.fpfh` for the two scales."""
     normals = [times(1 / norm(n), n) for n in normals]
     nearest, decided = neighbourhoods(points, k)
@@ -68,7 +68,7 @@ def fpfh(points, normals, k, scale="pcl"):
             row += times(100 / mp.fsum(values), values)
         described.append([a + b for a, b in zip(row, single[i])] if scale == "open3d" else row)
     clear = [decided[i] and all(decided[j] for j, _ in row) for i, row in enumerate(nearest)]
-    return Described(as_float(described), np.array(clear), doubtful)
+    return ExactFeatures(as_float(described), np.array(clear), doubtful)
 
 
 def neighbourhoods(points, k):

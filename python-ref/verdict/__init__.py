@@ -1,0 +1,1 @@
+"""The verdict of `consensus`: fits its constants and says what they are worth."""
