@@ -1,9 +1,10 @@
 """Fits the verdict of `consensus` on the table of `cfreg benchmark --candidates`, and prints the
-constants beside those of the source (`Evidence::log_odds`, `Standing::log_odds`), as tables in
-Markdown.
+coefficients beside those of the crate (`src/verify/model.json`), as tables in Markdown.
 
-    python -m verdict.fit_verdict CANDIDATES.csv...             # the constants
+    python -m verdict.fit_verdict CANDIDATES.csv...             # the coefficients
     python -m verdict.fit_verdict --held-out CANDIDATES.csv...  # and what they are worth elsewhere
+    python -m verdict.fit_verdict --write MODEL.json --version NAME CANDIDATES.csv...
+                                                     # a model for `cfreg --verdict-model MODEL.json`
 
 Two logistic regressions on settled poses, with the sensors' places known (`contradicted` is there)
 and without, each data set's right and wrong ones with the same weight in all; streets do not take
@@ -14,13 +15,14 @@ one of its table.
 
 Held out: place by place, all pairs that show it are left out, the others are fitted, and the
 answers to those left out are judged. All scans of a kitchen are one place, whichever set they come from.
-Answers stay those that the source's constants chose, and another answer that is about as good
+Answers stay those that the crate's model chose, and another answer that is about as good
 (`ambiguous`) is not looked at: accepted is a probability of 0.7 or more.
 """
 
 import argparse
 import csv
-import re
+import datetime
+import json
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +35,11 @@ from peers.programs import REPOSITORY
 
 TERMS = ["1", "ln(overlap + 0.01)", "ln(max(likeness + 0.1, 0.01))", "ln(1 + support)", "sqrt(contradicted)"]
 STANDING = ["1", "log odds", "ln(1 + votes)", "ln(spread)"]
-SOURCE = REPOSITORY / "src/method/consensus"
+MODEL = REPOSITORY / "src/verify/model.json"
+POSE = ["intercept", "overlap", "descriptor_distinctiveness", "inlier_score", "free_space_violation"]
+"""Names of the `TERMS` in the model file."""
+ANSWER = ["intercept", "pose", "supporting_hypotheses", "translation_std"]
+"""Names of `STANDING` there."""
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
 ELSEWHERE = {"stanford_bunny", "stanford_dragon_stand", "stanford_armadillo_simulated"}
 """Where the zero of the files is not where the sensor stood, whatever the benchmark was told."""
@@ -66,7 +72,7 @@ class Poses:
             np.array([row["contradicted"] != "" for row in rows]),
             np.array([row["right"] == "true" for row in rows]),
             np.array([row["dataset"] for row in rows]),
-            np.array([[place(row["source"]), place(row["target"])] for row in rows]),
+            np.array([[place(row["crate"]), place(row["target"])] for row in rows]),
         )
 
     def where(self, which):
@@ -197,12 +203,31 @@ def cells(probability, answers):
 
 def source_judge():
     """The judge of the crate."""
-    numbers = lambda text: np.array([float(n.replace(" ", "")) for n in re.findall(r"[-+]? ?\d+\.\d+", text)])
-    text = (SOURCE / "evidence.rs").read_text()
-    known, unknown = map(numbers, re.search(r"Some\(share\) => (.*?)None => (.*?),\n", text, re.S).groups())
-    text = (SOURCE / "standing.rs").read_text()
-    answer = numbers(re.search(r"spread\.ln\(\)\);\n(.*?)\n", text).group(1))
-    return Judge({True: known, False: np.append(unknown, 0.0)}, answer)
+    model = json.loads(MODEL.read_text())
+    pose = {
+        True: np.array([model["pose"]["sensors_known"][name] for name in POSE]),
+        False: np.array([model["pose"]["sensors_unknown"][name] for name in POSE]),
+    }
+    return Judge(pose, np.array([model["answer"][name] for name in ANSWER]))
+
+
+def model_of(judge, version, data):
+    """The judge as a model file has it; the thresholds are those of the crate."""
+    rounded = lambda names, values: {name: round(float(value), 4) for name, value in zip(names, values)}
+    return {
+        "version": version,
+        "fitted": {
+            "date": datetime.date.today().isoformat(),
+            "command": "python-ref/verdict/verdict.sh",
+            "data": data,
+        },
+        "pose": {
+            "sensors_known": rounded(POSE, judge.evidence[True]),
+            "sensors_unknown": rounded(POSE, judge.evidence[False]),
+        },
+        "answer": rounded(ANSWER, judge.answer),
+        "thresholds": json.loads(MODEL.read_text())["thresholds"],
+    }
 
 
 def read(paths):
@@ -235,17 +260,17 @@ def fitted(poses, answers, source):
     anew = fit_standing(source.evidence, every)
     titles, columns = ["term"], [TERMS]
     for kind, name in [(True, "known"), (False, "unknown")]:
-        titles += [f"{name}: fitted on {len(poses.fitting_set(kind).right)} poses", "source"]
+        titles += [f"{name}: fitted on {len(poses.fitting_set(kind).right)} poses", "crate"]
         columns += [[f"{value:.2f}" for value in by.evidence[kind]] for by in (judge, source)]
     print_table(titles, zip(*columns))
     print(f"\n{len(every.right)} answers:\n")
     columns = [[f"{value:.2f}" for value in by.answer] for by in (judge, anew, source)]
-    print_table(["term", "fitted", "by the source's evidence", "source"], zip(STANDING, *columns))
+    print_table(["term", "fitted", "by the source's evidence", "crate"], zip(STANDING, *columns))
     print("\nAll answers, which all of these have seen:\n")
     rows = [
         [run, len(judged.right), name, *cells(by.probabilities(judged), judged)]
         for run, judged in answers.items()
-        for name, by in [("fitted", judge), ("source's evidence, fitted", anew), ("source", source)]
+        for name, by in [("fitted", judge), ("source's evidence, fitted", anew), ("crate", source)]
     ]
     print_table(["table", "answers", "constants", *JUDGED], rows)
 
@@ -278,8 +303,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("candidates", nargs="+")
     parser.add_argument("--held-out", action="store_true", help="leave out one place after the other")
+    parser.add_argument("--write", metavar="MODEL.json", help="write the fitted coefficients as a model file")
+    parser.add_argument("--version", default="unnamed", help="name of the model that is written")
     asked = parser.parse_args()
     poses, answers = read(asked.candidates)
+    if asked.write:
+        every = concatenated(answers.values())
+        data = f"{len(every.right)} answers of {', '.join(answers)}"
+        text = json.dumps(model_of(fit(poses, every), asked.version, data), indent=2)
+        Path(asked.write).write_text(text + "\n")
     fitted(poses, answers, source_judge())
     if asked.held_out:
         held_out(poses, answers, source_judge())

@@ -2,12 +2,24 @@
 
 import contextlib
 import io
+import json
 import unittest
 
 import numpy as np
 
 from verdict import fit_verdict
-from verdict.fit_verdict import Judge, Poses, calibration_error, cells, fit, held_out, place, source_judge
+from verdict.fit_verdict import (
+    MODEL,
+    Judge,
+    Poses,
+    calibration_error,
+    cells,
+    fit,
+    held_out,
+    model_of,
+    place,
+    source_judge,
+)
 
 EVIDENCE = {True: np.array([-2.0, 1.0, 2.0, 0.5, -6.0]), False: np.array([-1.0, 0.5, 1.5, 1.0, 0.0])}
 TRUE = Judge(EVIDENCE, np.array([0.5, 1.0, 0.8, -0.4]))
@@ -53,6 +65,16 @@ class Fit(unittest.TestCase):
         self.assertEqual(len(source.answer), 4)
         self.assertGreater(source.answer[2], 0)
         self.assertLess(source.answer[3], 0)
+
+
+    def test_a_model_file_has_what_the_crate_reads(self):
+        model = model_of(TRUE, "test", "made")
+        crate = json.loads(MODEL.read_text())
+        self.assertEqual(list(model), list(crate))
+        for part in ("pose", "answer", "thresholds"):
+            self.assertEqual(list(model[part]), list(crate[part]))
+        self.assertEqual(model["pose"]["sensors_known"]["free_space_violation"], -6.0)
+        self.assertEqual(model["answer"]["translation_std"], -0.4)
 
 
 class Judged(unittest.TestCase):
