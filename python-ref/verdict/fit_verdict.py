@@ -72,7 +72,7 @@ class Poses:
             np.array([row["contradicted"] != "" for row in rows]),
             np.array([row["right"] == "true" for row in rows]),
             np.array([row["dataset"] for row in rows]),
-            np.array([[place(row["crate"]), place(row["target"])] for row in rows]),
+            np.array([[place(row["source"]), place(row["target"])] for row in rows]),
         )
 
     def where(self, which):
