@@ -123,8 +123,10 @@ impl PoseGraph {
             return refuse("has a pose that is not a rotation and a shift");
         }
         let lengths = pose.translation.iter().chain(&center);
-        let is_far = lengths.into_iter().any(|x| !(x.abs() <= MAX_LENGTH));
-        if is_far || information.as_flattened().iter().any(|x| !(x.abs() <= MAX_INFORMATION)) {
+        let is_far = lengths.into_iter().any(|x| x.is_nan() || x.abs() > MAX_LENGTH);
+        if is_far
+            || information.as_flattened().iter().any(|x| x.is_nan() || x.abs() > MAX_INFORMATION)
+        {
             return refuse(&format!(
                 "has lengths above {MAX_LENGTH:e} or information above {MAX_INFORMATION:e}, which \
                  cannot be computed with: was the file changed?"
