@@ -242,7 +242,7 @@ impl Follower {
 /// where a row has nothing.
 fn columns(py: Python<'_>, rows: &[Row], times: bool) -> PyResult<Py<PyAny>> {
     let all = PyDict::new(py);
-    for (name, column) in Column::of(rows, times) {
+    for (name, column) in Row::columns(rows, times) {
         match column {
             Column::Text(texts) => all.set_item(name, ("text", PyList::new(py, texts)?))?,
             Column::Flag(flags) => {

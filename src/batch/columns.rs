@@ -3,8 +3,6 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use super::Row;
-
 /// A column of many rows, by its kind; `None` where a row has nothing in it.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "said by their types")]
@@ -16,27 +14,7 @@ pub enum Column {
 }
 
 impl Column {
-    /// All columns of rows with their names, in order; `times` says whether `seconds` is one.
-    pub fn of(rows: &[Row], times: bool) -> Vec<(String, Column)> {
-        let empty = |(name, cell): (String, Cell)| {
-            let column = match cell {
-                Cell::Text(_) => Column::Text(Vec::new()),
-                Cell::Flag(_) => Column::Flag(Vec::new()),
-                Cell::Count(_) => Column::Count(Vec::new()),
-                Cell::Number(_) => Column::Number(Vec::new()),
-            };
-            (name, column)
-        };
-        let mut columns: Vec<_> = Row::default().cells(times).into_iter().map(empty).collect();
-        for row in rows {
-            for ((_, column), (_, cell)) in columns.iter_mut().zip(row.cells(times)) {
-                column.push(cell);
-            }
-        }
-        columns
-    }
-
-    fn push(&mut self, cell: Cell<'_>) {
+    pub(super) fn push(&mut self, cell: Cell<'_>) {
         match (self, cell) {
             (Column::Text(column), Cell::Text(text)) => column.push(text.map(String::from)),
             (Column::Flag(column), Cell::Flag(flag)) => column.push(flag),

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use super::hash::Hash;
-use super::output::is_run;
+use super::run_file::{beside, is_run};
 use super::{List, Row};
 use crate::error::{Error, Result};
 use crate::io::limited_file;
@@ -38,7 +38,7 @@ pub(super) struct Journal {
 impl Journal {
     /// The place of the journal of an output.
     pub(super) fn beside(output: &Path) -> PathBuf {
-        super::output::beside(output, ".part")
+        beside(output, ".part")
     }
 
     /// Refuses what is there and no journal.

@@ -24,6 +24,7 @@ mod parquet;
 pub mod results;
 mod resume;
 mod row;
+mod run_file;
 mod scan_positions;
 
 use std::collections::HashMap;

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::columns::Flat;
 use super::journal::Journal;
+use super::run_file::{RUN, beside, is_run};
 use super::{List, Row};
 use crate::error::{Error, Result};
 use crate::io::limited_file;
@@ -124,22 +125,6 @@ pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Whether this is what a run was asked for.
-pub(super) fn is_run(value: &Value) -> bool {
-    ["cfreg", "list", "pairs", "method"].iter().all(|name| value.get(name).is_some())
-}
-
-/// What is added to the name of an output that cannot hold what it was asked for: that is in
-/// there.
-pub(super) const RUN: &str = ".run.json";
-
-/// The file with something added to its name.
-pub(super) fn beside(path: &Path, end: &str) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(end);
-    path.with_file_name(name)
 }
 
 /// Has `path` written by `write`, under a name that nobody has until it is on the disk.

@@ -5,7 +5,8 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::journal::difference;
-use super::output::{Format, RUN, beside};
+use super::output::Format;
+use super::run_file::{RUN, beside};
 use super::{List, Summary, results};
 use crate::error::{Error, Result};
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::columns::Cell;
+use super::columns::{Cell, Column};
 use crate::cloud::Transform;
 use crate::io;
 use crate::math::cholesky::Mat6;
@@ -76,6 +76,26 @@ pub struct Row {
 }
 
 impl Row {
+    /// All columns of rows with their names, in order; `times` says whether `seconds` is one.
+    pub fn columns(rows: &[Row], times: bool) -> Vec<(String, Column)> {
+        let empty = |(name, cell): (String, Cell)| {
+            let column = match cell {
+                Cell::Text(_) => Column::Text(Vec::new()),
+                Cell::Flag(_) => Column::Flag(Vec::new()),
+                Cell::Count(_) => Column::Count(Vec::new()),
+                Cell::Number(_) => Column::Number(Vec::new()),
+            };
+            (name, column)
+        };
+        let mut columns: Vec<_> = Row::default().cells(times).into_iter().map(empty).collect();
+        for row in rows {
+            for ((_, column), (_, cell)) in columns.iter_mut().zip(row.cells(times)) {
+                column.push(cell);
+            }
+        }
+        columns
+    }
+
     /// A pair about which nothing is known yet.
     pub(super) fn new(index: usize, [source, target]: [&str; 2]) -> Row {
         Row { index, source: source.into(), target: target.into(), ..Row::default() }
@@ -326,7 +346,7 @@ mod tests {
     use std::collections::HashMap;
 
     use super::*;
-    use crate::batch::columns::{Column, Flat};
+    use crate::batch::columns::Flat;
 
     #[test]
     fn a_row_comes_back_from_json_to_the_last_bit() {
@@ -350,7 +370,7 @@ mod tests {
             row.cells(true).iter().map(|(name, cell)| (name.clone(), kind(cell))).collect()
         };
         assert_eq!(columns(&row), columns(&empty));
-        let of = Column::of(&[row.clone(), empty.clone()], true);
+        let of = Row::columns(&[row.clone(), empty.clone()], true);
         assert_eq!(of[0], ("index".into(), Column::Count(vec![Some(3), Some(3)])));
         assert_eq!(of[1].1, Column::Text(vec![Some("a,b.ply".into()), Some("a,b.ply".into())]));
         assert_eq!(of.last().unwrap().1, Column::Number(vec![Some(0.1), None]));

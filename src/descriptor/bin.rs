@@ -15,7 +15,7 @@
 
 use num_traits::Float;
 
-use super::fpfh::BLOCK;
+use super::layout::BLOCK;
 use super::pair_features::PairFeatures;
 use crate::math;
 

@@ -6,24 +6,17 @@ use std::str::FromStr;
 use pulp::{Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
+use super::layout::{BINS, BLOCK, BLOCK_SUM};
 use super::spfh::SpfhBuilder;
 use crate::cloud::Descriptors;
 use crate::error::{Error, Result};
 use crate::par;
 use crate::search::{Neighbors, squared_distance};
 
-/// Bins of one of the three angle histograms.
-pub const BLOCK: usize = 11;
-/// Bins of a descriptor: the histograms of θ, α and φ one after the other.
-pub const BINS: usize = 3 * BLOCK;
-
 /// Lanes that simple histograms are summed in.
 const LANES: usize = 8;
 /// Values a simple histogram takes up: whole lanes, of which the last ones are 0.
 const STRIDE: usize = BINS.next_multiple_of(LANES);
-
-/// Sum of a finished block on the scale of PCL.
-pub(super) const BLOCK_SUM: f64 = 100.0;
 
 /// Two libraries, two histograms. Squared distances differ by a factor of about four, so
 /// a bandwidth β belongs to a scale.

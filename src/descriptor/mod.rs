@@ -2,7 +2,9 @@
 
 mod bin;
 mod fpfh;
+mod layout;
 mod pair_features;
 mod spfh;
 
-pub use fpfh::{BINS, BLOCK, HistogramScale, fpfh, fpfh_at};
+pub use fpfh::{HistogramScale, fpfh, fpfh_at};
+pub use layout::{BINS, BLOCK};

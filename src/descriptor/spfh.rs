@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::bin::{self, LANES, OrientedPoint, OrientedPointLanes};
-use super::fpfh::{BINS, BLOCK, BLOCK_SUM};
+use super::layout::{BINS, BLOCK, BLOCK_SUM};
 use crate::search::Neighbors;
 
 /// Histograms that are counted side by side: pairs in turn fall into the same bin, and would

@@ -4,7 +4,6 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::features::{FeatureCloud, FeatureConfig};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
@@ -149,43 +148,4 @@ pub(super) fn concatenate_scaled_channels(
         Descriptors::new(side.descriptors.dim() + scales.len(), values.collect())
     };
     Ok([beside(&sides[0])?, beside(&sides[1])?])
-}
-
-impl FeatureConfig {
-    /// Puts the channels of both clouds beside their descriptors; without
-    /// [`channels`](Self::channels) nothing changes.
-    ///
-    /// With S the root mean square distance of all descriptors of both clouds from their common
-    /// mean, at least the root of the histogram's own β
-    /// ([`HistogramScale::default_beta`](crate::descriptor::HistogramScale::default_beta)), lest
-    /// shapes without features silence the channels: each channel is divided by its standard
-    /// deviation over both clouds and multiplied by its share times S. With a share of 1 two
-    /// points differ in the mean by the channel as much as by FPFH, whatever its unit;
-    /// d² = d²_FPFH + Σ (share S Δ/σ)². A channel that is the same everywhere says nothing.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] for sides that were not described by these settings, and those of
-    /// [`Descriptors::new`].
-    pub fn concatenate_channels(&self, mut sides: [FeatureCloud; 2]) -> Result<[FeatureCloud; 2]> {
-        if self.channels.is_empty() {
-            return Ok(sides);
-        }
-        for side in &sides {
-            let (expected, found) = (self.channels.len(), side.channels.len());
-            if expected != found {
-                let what = "channels of a described cloud".into();
-                return Err(Error::Shape { what, expected, found });
-            }
-        }
-        let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
-            descriptors: &side.descriptors,
-            channels: &side.channels,
-        });
-        let joined = concatenate_scaled_channels(&self.channels, self.histogram, compared)?;
-        for (side, descriptors) in sides.iter_mut().zip(joined) {
-            side.descriptors = descriptors;
-            side.channels.clear();
-        }
-        Ok(sides)
-    }
 }

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::cache::{Cached, HeapSize};
-use super::channels::{Channel, channel_values};
+use super::channels::{
+    Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
+};
 use super::registration::{CloudCounts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::{HistogramScale, fpfh_at};
@@ -279,5 +281,44 @@ impl FeatureCloud {
     /// What became of the cloud's points.
     pub fn counts(&self) -> CloudCounts {
         self.counts
+    }
+}
+
+impl FeatureConfig {
+    /// Puts the channels of both clouds beside their descriptors; without
+    /// [`channels`](Self::channels) nothing changes.
+    ///
+    /// With S the root mean square distance of all descriptors of both clouds from their common
+    /// mean, at least the root of the histogram's own β
+    /// ([`HistogramScale::default_beta`](crate::descriptor::HistogramScale::default_beta)), lest
+    /// shapes without features silence the channels: each channel is divided by its standard
+    /// deviation over both clouds and multiplied by its share times S. With a share of 1 two
+    /// points differ in the mean by the channel as much as by FPFH, whatever its unit;
+    /// d² = d²_FPFH + Σ (share S Δ/σ)². A channel that is the same everywhere says nothing.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for sides that were not described by these settings, and those of
+    /// [`Descriptors::new`].
+    pub fn concatenate_channels(&self, mut sides: [FeatureCloud; 2]) -> Result<[FeatureCloud; 2]> {
+        if self.channels.is_empty() {
+            return Ok(sides);
+        }
+        for side in &sides {
+            let (expected, found) = (self.channels.len(), side.channels.len());
+            if expected != found {
+                let what = "channels of a described cloud".into();
+                return Err(Error::Shape { what, expected, found });
+            }
+        }
+        let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
+            descriptors: &side.descriptors,
+            channels: &side.channels,
+        });
+        let joined = concatenate_scaled_channels(&self.channels, self.histogram, compared)?;
+        for (side, descriptors) in sides.iter_mut().zip(joined) {
+            side.descriptors = descriptors;
+            side.channels.clear();
+        }
+        Ok(sides)
     }
 }

@@ -42,9 +42,9 @@ pub use icp::{Icp, Metric};
 pub use kernel_correlation::KernelCorrelation;
 pub use pipeline::Pipeline;
 pub use record::MethodRecord;
-pub use registration::{CloudCounts, PointCounts, Registration, Timings};
+pub use registration::{Certificate, CloudCounts, PointCounts, Registration, Timings};
 pub use solved_pose::SolvedPose;
-pub use teaser::{Certificate, Teaser};
+pub use teaser::Teaser;
 pub use termination::{IterationRecord, StopReason};
 pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
 

@@ -196,7 +196,7 @@ impl Pipeline {
             }
             let pose = found.transform;
             let verdict = found.time_s.time("verdict", || search.verify(&pose));
-            Ok(found.with_verdict_from(verdict, consensus))
+            Ok(found.with_search_verdict(verdict, consensus.distinguishes_rotations()))
         })?
     }
 
@@ -246,7 +246,7 @@ impl Pipeline {
         let pose = found.transform;
         let judged = found.time_s.time("verdict", || judge.verify_cached(source, target, &pose));
         match judged {
-            Ok(verdict) => Ok(found.with_verdict_from(verdict, &judge)),
+            Ok(verdict) => Ok(found.with_search_verdict(verdict, judge.distinguishes_rotations())),
             Err(Error::TooFewPoints { .. } | Error::Degenerate { .. } | Error::NoWeight { .. }) => {
                 found.doubts.push(Warning::NotVerified);
                 found.trusted = false;

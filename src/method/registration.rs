@@ -5,8 +5,8 @@ use std::time::Instant;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use super::MethodRecord;
 use super::termination::{IterationRecord, StopReason};
-use super::{Certificate, Consensus, MethodRecord};
 use crate::cloud::{PointCloud, Transform};
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
@@ -93,12 +93,12 @@ impl Registration {
         Registration { verdict: Some(verdict), ..self }
     }
 
-    /// The same with a verdict that `judge` gave. Where wrong rotations fit as well, and neither
-    /// channels nor a prior tell them apart, the pose is ambiguous.
-    pub(super) fn with_verdict_from(self, verdict: Verdict, judge: &Consensus) -> Self {
+    /// The registration with a verdict of a search. Where wrong rotations fit as well, the pose is
+    /// ambiguous, unless channels or a prior `distinguish` it from them.
+    pub(super) fn with_search_verdict(self, verdict: Verdict, distinguish: bool) -> Self {
         let found = self.evaluation.chance_fitness;
         let most = verify::MAX_CHANCE_FITNESS_VERIFIED;
-        if found <= most || !judge.channels.is_empty() || !judge.prior.is_none() {
+        if found <= most || distinguish {
             return self.with_verdict(verdict);
         }
         let mut judged = self.with_verdict(verdict.with_high_chance_fitness(found));
@@ -122,6 +122,27 @@ fn with_messages<S: Serializer>(
     serializer.collect_seq(
         doubts.iter().map(|doubt| WarningWithMessage { doubt, message: doubt.to_string() }),
     )
+}
+
+/// How far from the best the rotation can be.
+///
+/// It speaks of truncated least squares on at most 100 differences between the matches
+/// kept: all of them among up to 14 matches, of each match and its next ones up to 100,
+/// and of an even choice of 100 beyond. The answer itself uses more differences; hence two
+/// numbers, both small where all is well. That the largest set of consistent matches is
+/// the right one is not part of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Certificate {
+    /// Share of its cost that any other rotation could save, at most: from 0, the best
+    /// there is, to 1, nothing is known. Costs below a millionth of the bound squared a
+    /// difference count as that much.
+    pub gap: f64,
+    /// Angle between that rotation and the answer's, degrees.
+    pub rotation_deg: f64,
+    /// Number of differences K.
+    pub differences: usize,
+    /// Rounds of the splitting.
+    pub iterations: u32,
 }
 
 /// Points of the two clouds.

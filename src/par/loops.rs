@@ -5,11 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::interrupt::{Interrupt, checkpoint, enter};
-use super::worker_pool::in_worker;
+use super::threads::{check_threads, in_worker};
 use crate::error::{Error, Result};
-
-/// Most threads that may be asked for.
-pub const MAX_THREADS: usize = 1024;
 
 /// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
 /// machine has cores (or as the pool has in which the caller already is). Within a
@@ -38,17 +35,6 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
         let _entered = enter(&interrupt);
         work()
     }))
-}
-
-/// Refuses a number of threads that no machine has.
-///
-/// # Errors
-/// [`Error::Config`] for more than [`MAX_THREADS`].
-pub fn check_threads(threads: usize) -> Result<()> {
-    if threads > MAX_THREADS {
-        return Err(Error::config("threads", threads, format!("must be at most {MAX_THREADS}")));
-    }
-    Ok(())
 }
 
 /// Whether the caller is one of the threads that parallel loops run on. If it waits for

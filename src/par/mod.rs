@@ -7,11 +7,10 @@
 
 mod interrupt;
 mod loops;
+mod threads;
 mod worker_pool;
 
 pub use interrupt::{Interrupt, checkpoint, is_interrupt_requested, stop};
-pub use loops::{
-    MAX_THREADS, check_threads, for_each_row, in_pool, join_pair, map, map_blocks, on_new_thread,
-    with_threads,
-};
-pub use worker_pool::{in_worker, worker_pool};
+pub use loops::{for_each_row, in_pool, join_pair, map, map_blocks, on_new_thread, with_threads};
+pub use threads::{MAX_THREADS, check_threads, in_worker};
+pub use worker_pool::worker_pool;

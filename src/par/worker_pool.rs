@@ -1,22 +1,11 @@
 //! Many pieces of work beside each other, each of them on one thread.
 
-use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
-use super::loops::check_threads;
+use super::threads::{IS_WORKER, check_threads};
 use crate::error::{Error, Result};
-
-thread_local! {
-    /// Whether this thread is of a crew.
-    static IS_WORKER: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Whether the caller is one of a [`worker_pool`], whose work stays on its thread.
-pub fn in_worker() -> bool {
-    IS_WORKER.get()
-}
 
 /// Calls `work` with each of `items`, in order, on `threads` threads beside the caller's (0: as
 /// many as there are cores); the parallel loops within a call stay on its thread, also those
@@ -105,6 +94,7 @@ pub fn worker_pool<I: Send, T: Send>(
 mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
+    use super::super::threads::in_worker;
     use super::*;
     use crate::par::{map, with_threads};
 

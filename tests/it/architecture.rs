@@ -124,3 +124,76 @@ fn the_scanner_sees_what_it_should() {
     assert_eq!(names_after("crate::", text), BTreeSet::from(want));
     assert!(!allowed("math", "method") && allowed("method", "math"));
 }
+
+/// Names of an earlier vocabulary, each with the word of the field that took its place.
+const OLD_NAMES: &[(&str, &str)] = &[
+    ("Doubt", "Warning"),
+    ("Judgement", "EvaluationReport"),
+    ("TruthError", "PoseError"),
+    ("Chain", "Pipeline"),
+    ("Describe", "FeatureConfig"),
+    ("Prepared", "FeatureCloud"),
+    ("Described", "FeatureView"),
+    ("Connections", "WeightGraph"),
+    ("Positions", "PositionProblem"),
+    ("Onto", "TargetIndex"),
+    ("Whole", "FilteredCloud"),
+    ("Thin", "DownsampledScan"),
+    ("Thinned", "DownsampledKey"),
+    ("Thinning", "Downsampling"),
+    ("Glance", "ViewpointSample"),
+    ("Attempt", "ViewpointTrial"),
+    ("Matches", "Correspondences"),
+    ("Settled", "Refined"),
+    ("Effort", "RefineOptions"),
+    ("Contact", "SurfacePair"),
+    ("Standing", "Confidence"),
+    ("Judged", "ScoredPose"),
+    ("OtherScale", "ScaleMismatch"),
+    ("Sight", "OrientedSample"),
+    ("RangeLimit", "MaxRangeReturns"),
+    ("Vicinity", "OccupancyGrid"),
+    ("Closest", "NearestDistances"),
+    ("Gathered", "GatheredTile"),
+    ("Compact", "BoundedSide"),
+    ("Places", "ScanPositions"),
+    ("Watch", "Deadlines"),
+    ("Stand", "PoseView"),
+    ("Bulk", "BatchReport"),
+    ("Hall", "LectureHall"),
+    ("Screened", "ScreeningResult"),
+    ("panics_go_to_rows", "install_panic_hook"),
+    ("may_hold", "may_contain"),
+    ("without_carrier", "remove_ego_vehicle"),
+    ("go_on", "refine_from"),
+    ("truth_error", "pose_error"),
+    ("voxel_side", "voxel_size_for"),
+];
+
+#[test]
+fn old_names_do_not_come_back() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    for folder in ["src", "paper/src", "python/src"] {
+        walk(&root.join(folder), &mut |path| {
+            let text = fs::read_to_string(path).unwrap();
+            let code = text.lines().map(|line| line.split("//").next().unwrap_or(""));
+            let declared = ["struct", "enum", "trait", "type", "fn", "mod"];
+            for line in code {
+                let words: Vec<&str> =
+                    line.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect();
+                for pair in words.windows(2).filter(|pair| declared.contains(&pair[0])) {
+                    let old = OLD_NAMES.iter().find(|(old, _)| *old == pair[1]);
+                    let of = (pair[0], pair[1]) == ("fn", "of");
+                    if let Some((old, new)) = old {
+                        found.push(format!("{}: {old} is {new}", path.display()));
+                    } else if of {
+                        let rule = "fn of: new, from_x, compute or another verb";
+                        found.push(format!("{}: {rule}", path.display()));
+                    }
+                }
+            }
+        });
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}

@@ -9,6 +9,7 @@ mod cached;
 mod cases;
 mod cfk;
 mod channels;
+mod circles;
 mod cli;
 mod cli_files;
 mod cli_verdict;

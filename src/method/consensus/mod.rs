@@ -166,6 +166,11 @@ impl Consensus {
         Consensus { model: Some(model.into()), ..self }
     }
 
+    /// Whether channels or a prior distinguish the pose from rotations that fit as well.
+    pub(super) fn distinguishes_rotations(&self) -> bool {
+        !self.channels.is_empty() || !self.prior.is_none()
+    }
+
     /// The model in force.
     pub(super) fn verdict_model(&self) -> &VerdictModel {
         self.model.as_deref().unwrap_or(VerdictModel::built_in())

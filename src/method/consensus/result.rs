@@ -46,6 +46,6 @@ impl ConsensusSearch<'_> {
         };
         let [source, target] = self.clouds();
         let concluded = solved.finish_cached(source, target)?;
-        Ok(concluded.with_verdict_from(verdict, &self.config))
+        Ok(concluded.with_search_verdict(verdict, self.config.distinguishes_rotations()))
     }
 }

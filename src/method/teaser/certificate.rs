@@ -15,35 +15,14 @@
 //! known in closed form, and no system is to be solved.
 
 use faer::{Mat, Side};
-use serde::Serialize;
 
 use super::rotation::{self, GncOptions};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::math::{self, Mat3, Vec3};
+use crate::method::registration::Certificate;
 use crate::pose::{self, Prior};
 use crate::verify;
-
-/// How far from the best the rotation can be.
-///
-/// It speaks of truncated least squares on at most 100 differences between the matches
-/// kept: all of them among up to 14 matches, of each match and its next ones up to 100,
-/// and of an even choice of 100 beyond. The answer itself uses more differences; hence two
-/// numbers, both small where all is well. That the largest set of consistent matches is
-/// the right one is not part of it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Certificate {
-    /// Share of its cost that any other rotation could save, at most: from 0, the best
-    /// there is, to 1, nothing is known. Costs below a millionth of the bound squared a
-    /// difference count as that much.
-    pub gap: f64,
-    /// Angle between that rotation and the answer's, degrees.
-    pub rotation_deg: f64,
-    /// Number of differences K.
-    pub differences: usize,
-    /// Rounds of the splitting.
-    pub iterations: u32,
-}
 
 /// Gap at which the splitting ends.
 const GAP_TOLERANCE: f64 = 1e-3;

@@ -21,7 +21,6 @@ use crate::moments::{FullConnection, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::verify::{FitnessRule, Warning};
-pub use certificate::Certificate;
 use correspondences::CenteredCorrespondences;
 use rotation::{GncIteration, GncOptions};
 
@@ -29,7 +28,7 @@ use rotation::{GncIteration, GncOptions};
 /// keeps distances, then rotation and translation by truncated least squares.
 ///
 /// Stands most matches being wrong, without an initial guess. The answer is judged by how
-/// the clouds lie on each other, as every other; on request there is a [`Certificate`] of
+/// the clouds lie on each other, as every other; on request there is a [`Certificate`](super::Certificate) of
 /// the rotation too.
 ///
 /// Weights of points ([`PointCloud::with_weights`]): those of weight 0 have no match. How large
@@ -75,7 +74,7 @@ pub struct Teaser {
     /// far is taken, with a doubt.
     pub clique_steps: u64,
     /// Whether to bound how much better than the rotation found any other could be; default
-    /// no. Takes seconds, where it fails half a minute, and changes nothing else: see [`Certificate`].
+    /// no. Takes seconds, where it fails half a minute, and changes nothing else: see [`Certificate`](super::Certificate).
     pub certify: bool,
     /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing. The
     /// certificate is of the rotation alone: not together with it.
