@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use cfreg::batch::{Batch, List, results};
+use cfreg::batch::{Batch, PairList, results};
 use cfreg::cloud::shape::boulder;
 use cfreg::method::Pipeline;
 use cfreg::{Error, io};
@@ -65,13 +65,13 @@ fn parquet(folder: &Path) -> PathBuf {
     let pairs = names.iter().flat_map(|source| names.iter().map(move |target| [*source, *target]));
     let method = Pipeline::new("consensus".parse().unwrap(), Vec::new()).unwrap();
     let path = folder.join("rows.parquet");
-    Batch::new(&method, &method).run(&List::new(folder, pairs), &path).unwrap();
+    Batch::new(&method, &method).run(&PairList::new(folder, pairs), &path).unwrap();
     path
 }
 
 /// Reads the file in every way.
 fn read(path: &Path) -> [Result<(), Error>; 2] {
-    let list = List::read(path, Path::new("")).map(drop);
+    let list = PairList::read(path, Path::new("")).map(drop);
     [list, results::read(path).map(drop)]
 }
 
@@ -231,7 +231,7 @@ fn forged_parquet_is_weighed() {
     let (size, many) = (body.len() as i64, i64::from(i32::MAX));
     let said = |bytes: &[u8]| {
         fs::write(&path, bytes).unwrap();
-        let (read, peak) = alone(|| List::read(&path, Path::new("")));
+        let (read, peak) = alone(|| PairList::read(&path, Path::new("")));
         assert!(peak < most(bytes.len()), "{peak}");
         read
     };
@@ -416,7 +416,7 @@ fn wide_tables_take_linear_time() {
         fs::write(folder.path().join(name), text).unwrap();
     }
     let start = Instant::now();
-    List::read(&folder.path().join("list.csv"), Path::new("")).unwrap();
+    PairList::read(&folder.path().join("list.csv"), Path::new("")).unwrap();
     assert_eq!(results::read(&folder.path().join("rows.csv")).unwrap().len(), 20);
     assert_eq!(results::read(&folder.path().join("rows.jsonl")).unwrap().len(), 10);
     cfreg::batch::ScanPositions::read(&folder.path().join("places.csv")).unwrap();

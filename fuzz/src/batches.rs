@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use cfreg::batch::{Batch, List, Start};
+use cfreg::batch::{Batch, PairList, StartMode};
 use cfreg::method::{Register, Registration};
 use cfreg::par::Interrupt;
 use cfreg::{Error, PointCloud};
@@ -38,7 +38,7 @@ impl Register for Quick<'_> {
 struct Honest {
     found: Registration,
     clouds: [Arc<PointCloud>; 2],
-    list: List,
+    list: PairList,
     output: PathBuf,
     journal: PathBuf,
     /// The journal after three of five pairs.
@@ -62,7 +62,7 @@ impl Honest {
         let mut honest = Honest {
             found: icp.register(&six, &six).expect("a cloud lies on itself"),
             clouds: [Arc::new(six), Arc::new(cloud(5))],
-            list: List::new("", [["a", "b"], ["b", "a"], ["a", "a"], ["b", "b"], ["c", "a"]]),
+            list: PairList::new("", [["a", "b"], ["b", "a"], ["a", "a"], ["b", "b"], ["c", "a"]]),
             output: door::folder().join("rows.jsonl"),
             journal: door::folder().join("rows.jsonl.part"),
             begun: Vec::new(),
@@ -82,9 +82,9 @@ impl Honest {
         let mut batch = Batch::new(&method, &"quick");
         batch.threads = 1;
         batch.interrupt = end;
-        batch.start = Start::Resume;
+        batch.start = StartMode::Resume;
         for (name, cloud) in ["a", "b"].into_iter().zip(&self.clouds) {
-            batch.given.insert(name.into(), cloud.clone());
+            batch.in_memory.insert(name.into(), cloud.clone());
         }
         batch.run(&self.list, &self.output).map(drop)
     }

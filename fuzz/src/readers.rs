@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use cfreg::batch::{List, Row, RowGraph, ScanPositions, radius_pairs, results};
-use cfreg::benchmark::{Poses, list as listed};
+use cfreg::batch::{PairList, Row, RowGraph, ScanPositions, radius_pairs, results};
+use cfreg::benchmark::{ExternalPoses, list as listed};
 use cfreg::pose_graph::Tangent;
 use cfreg::report::SavedResult;
 use cfreg::{Error, PointCloud, Transform, io};
@@ -98,7 +98,7 @@ pub(super) fn heard<T>(read: Result<T, Error>, path: Option<&Path>) -> Option<T>
     }
 }
 
-/// Poses: four rows of four, JSON, and what `register --json` prints.
+/// ExternalPoses: four rows of four, JSON, and what `register --json` prints.
 pub fn pose(data: &[u8]) {
     let path = door::file("pose.txt", data);
     let Some(pose) = heard(bounded(data.len(), TABLES, || io::read_transform(&path)), Some(&path))
@@ -117,7 +117,7 @@ pub fn pose(data: &[u8]) {
     assert!(off <= 1e-14 * pose.scale.max(1.0), "{off:e}: {before:?} {after:?}");
 }
 
-/// Asserts that a pose is finite, its rotation one to within `tolerance`, its scale above 0.
+/// Asserts that a pose is finite, its rotation one to radius_pairs `tolerance`, its scale above 0.
 pub(super) fn rigid(pose: &Transform, tolerance: f64) {
     let all = pose.matrix();
     assert!(all.as_flattened().iter().all(|x| x.is_finite()), "{all:?}");
@@ -141,17 +141,17 @@ pub(super) fn rigid(pose: &Transform, tolerance: f64) {
 /// Lists of pairs and of places, as CSV.
 pub fn list(data: &[u8]) {
     let path = door::file("list.csv", data);
-    let read = bounded(data.len(), TABLES, || List::read(&path, Path::new("clouds")));
+    let read = bounded(data.len(), TABLES, || PairList::read(&path, Path::new("clouds")));
     if let Some(list) = heard(read, Some(&path)) {
         pairs(&list, data.len());
         let again = door::folder().join("written.csv");
         list.write(&again).expect("a list can be written");
-        let back = List::read(&again, list.folder()).expect("what was written is a list");
+        let back = PairList::read(&again, list.folder()).expect("what was written is a list");
         assert_eq!(back, list);
     }
     let read = bounded(data.len(), TABLES, || ScanPositions::read(&path));
     if let Some(places) = heard(read, Some(&path)) {
-        let ScanPositions { names, places } = places;
+        let ScanPositions { names, positions: places } = places;
         assert!(names.len() == places.len() && names.iter().all(|name| !name.is_empty()));
         let pairs = radius_pairs(&places, 1.0).expect("places that were read are finite");
         assert!(pairs.iter().all(|[a, b]| b < a && *a < places.len()));
@@ -159,7 +159,7 @@ pub fn list(data: &[u8]) {
 }
 
 /// That a list has pairs, and both names of each.
-fn pairs(list: &List, bytes: usize) {
+fn pairs(list: &PairList, bytes: usize) {
     assert!(!list.is_empty() && list.len() <= bytes);
     for index in 0..list.len() {
         assert!(list.pair(index).iter().all(|name| !name.is_empty()));
@@ -169,7 +169,7 @@ fn pairs(list: &List, bytes: usize) {
 /// Lists and results as Parquet.
 pub fn parquet(data: &[u8]) {
     let path = door::file("input.parquet", data);
-    let read = bounded(data.len(), PAGES, || List::read(&path, Path::new("clouds")));
+    let read = bounded(data.len(), PAGES, || PairList::read(&path, Path::new("clouds")));
     if let Some(list) = heard(read, Some(&path)) {
         // Rows that are alike take no bytes.
         pairs(&list, usize::MAX);
@@ -198,7 +198,7 @@ pub fn rows(data: &[u8]) {
 fn graph(rows: &[Row]) {
     let Some(found) = heard(RowGraph::new(rows), None) else { return };
     let graph = found.graph;
-    assert!(graph.edges() + found.not_accepted + found.left_out <= rows.len());
+    assert!(graph.edge_count() + found.not_accepted + found.skipped <= rows.len());
     for tangent in [Tangent::Quaternion, Tangent::RotationVector] {
         let text = graph.g2o(tangent);
         for word in text.split_whitespace().filter(|word| !word.contains(':')) {
@@ -241,7 +241,7 @@ pub fn benchmark(data: &[u8]) {
             pair.truth.iter().for_each(|pose| rigid(pose, 2e-3));
             assert!(pair.unit > 0.0);
         }
-        let poses = Poses::read(&path, Path::new("clouds"), &pairs);
+        let poses = ExternalPoses::read(&path, Path::new("clouds"), &pairs);
         if let Some(poses) = heard(poses, Some(&path)) {
             let _ = poses.missing(&pairs);
         }

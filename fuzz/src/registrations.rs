@@ -65,7 +65,7 @@ pub fn registration(data: &[u8]) {
     let mut bytes = Bytes(data);
     let chosen = bytes.below(Method::NAMES.len() + CHAINS.len());
     let name = *Method::NAMES.iter().chain(&CHAINS).nth(chosen).expect("within both");
-    assert!(heard(benchmark::method(name), None).is_some(), "{name}");
+    assert!(heard(benchmark::parse_method(name), None).is_some(), "{name}");
     let settings: Vec<_> = (0..2).filter_map(|_| setting(&mut bytes)).collect();
     let judged = bytes.below(8) == 0;
     let Some([source, target]) = pair(&mut bytes) else { return };

@@ -80,7 +80,7 @@ fn names(text: &str) {
         assert!(Method::NAMES.contains(&text), "{text}");
         checked(&method);
     }
-    heard(benchmark::method(text));
+    heard(benchmark::parse_method(text));
     let channels = heard(Channels::default().with(text, vec![1.0]));
     assert_eq!(channels.is_some(), Channels::is_name(text), "{text:?}");
 }

@@ -73,7 +73,7 @@ impl Stage {
 
     fn row(&self) -> String {
         let exponent = |pairs: &[[f64; 2]]| {
-            Growth::of(pairs).map_or("".into(), |growth| format!("{:.2}", growth.exponent))
+            Growth::fit(pairs).map_or("".into(), |growth| format!("{:.2}", growth.exponent))
         };
         let at = |n: usize| self.times.iter().find(|pair| pair[0] == n as f64);
         let cell = |&n: &usize| match at(n) {

@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 
-use super::protocol::{Draw, Protocol, Viewpoint};
-use super::{Model, Motion, Spread};
+use super::protocol::{Draw, NormalViewpoint, Protocol};
+use super::{MeanStd, Model, Motion};
 use cfreg::error::{Error, Result};
 use cfreg::method::Register;
 use cfreg::verify::PoseError;
 
 /// Settings of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Settings {
+pub struct AccuracySettings {
     /// Pairs that are registered; default 100.
     pub trials: usize,
     /// Points drawn from the model for each cloud of a pair; default 500.
@@ -21,28 +21,29 @@ pub struct Settings {
     pub seed: u64,
 }
 
-impl Default for Settings {
+impl Default for AccuracySettings {
     fn default() -> Self {
-        Settings { trials: 100, points: 500, motion: Motion::Large, seed: 0 }
+        AccuracySettings { trials: 100, points: 500, motion: Motion::Large, seed: 0 }
     }
 }
 
 /// What came of the trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct AccuracyReport {
     /// The settings.
-    pub settings: Settings,
+    pub settings: AccuracySettings,
     /// One error a trial, in order; `None` where there was no answer.
     pub errors: Vec<Option<PoseError>>,
     /// Trials whose answer was not to be trusted.
     pub doubted: usize,
 }
 
-impl Report {
+impl AccuracyReport {
     /// Mean and standard deviation of `measure` over the trials that gave an answer.
     pub fn statistics(&self, measure: impl Fn(&PoseError) -> f64) -> (f64, f64) {
         let values: Vec<f64> = self.errors.iter().flatten().map(measure).collect();
-        Spread::of(&values).map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
+        MeanStd::from_values(&values)
+            .map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
     }
 
     /// Trials without an answer.
@@ -60,16 +61,16 @@ impl Report {
 pub fn run(
     model: &Model,
     method: &dyn Register,
-    settings: Settings,
+    settings: AccuracySettings,
     mut progress: impl FnMut(usize),
-) -> Result<Report> {
+) -> Result<AccuracyReport> {
     if settings.trials == 0 {
         return Err(Error::config("trials", 0, "must be at least 1"));
     }
-    let Settings { points, motion, seed, .. } = settings;
-    let mut report = Report { settings, errors: Vec::new(), doubted: 0 };
+    let AccuracySettings { points, motion, seed, .. } = settings;
+    let mut report = AccuracyReport { settings, errors: Vec::new(), doubted: 0 };
     for number in 0..settings.trials as u64 {
-        let draw = Draw { motion, viewpoint: Viewpoint::Origin, points, seed, number };
+        let draw = Draw { motion, viewpoint: NormalViewpoint::Origin, points, seed, number };
         let trial = Protocol::Accuracy.trial(model, draw)?;
         let answer = method.register(&trial.source, &trial.target).ok();
         report.doubted += usize::from(answer.as_ref().is_some_and(|answer| !answer.trusted));

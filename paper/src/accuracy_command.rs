@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use cfreg::method::Method;
 use cfreg::verify::PoseError;
 use cfreg::{Error, Result, io};
-use cfreg_paper::accuracy::{Report, Settings, run};
+use cfreg_paper::accuracy::{AccuracyReport, AccuracySettings, run};
 use cfreg_paper::{Model, Motion};
 use clap::Args;
 use serde_json::Value;
@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::{print, progress};
 
 #[derive(Args)]
-pub(super) struct Accuracy {
+pub(super) struct AccuracyCommand {
     /// Model to sample: a cloud of at least --points points
     model: PathBuf,
     /// Sample the faces or the range grid of a PLY file evenly by area, as the paper does,
@@ -27,24 +27,24 @@ pub(super) struct Accuracy {
     #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
     set: Vec<String>,
     /// Pairs to register
-    #[arg(long, default_value_t = Settings::default().trials)]
+    #[arg(long, default_value_t = AccuracySettings::default().trials)]
     trials: usize,
     /// Points of each sample
-    #[arg(long, default_value_t = Settings::default().points)]
+    #[arg(long, default_value_t = AccuracySettings::default().points)]
     points: usize,
     /// small: rotation vectors in [-pi/8, pi/8)^3 about the centroid; large: in
     /// [-pi/2, pi/2)^3 about the origin
-    #[arg(long, default_value_t = Settings::default().motion)]
+    #[arg(long, default_value_t = AccuracySettings::default().motion)]
     motion: Motion,
     /// Seed of motions and samples
-    #[arg(long, default_value_t = Settings::default().seed)]
+    #[arg(long, default_value_t = AccuracySettings::default().seed)]
     seed: u64,
     /// Print one JSON object with every trial instead of text
     #[arg(long)]
     json: bool,
 }
 
-impl Accuracy {
+impl AccuracyCommand {
     /// Runs the trials; false where none has an answer.
     pub(super) fn run(&self) -> Result<bool> {
         let mut method: Method = self.method.parse()?;
@@ -59,22 +59,22 @@ impl Accuracy {
             true => io::read_mesh(&self.model)?.into(),
             false => io::read(&self.model)?.into(),
         };
-        let Accuracy { trials, points, motion, seed, .. } = *self;
+        let AccuracyCommand { trials, points, motion, seed, .. } = *self;
         let bar = progress(trials as u64, "trials");
-        let settings = Settings { trials, points, motion, seed };
+        let settings = AccuracySettings { trials, points, motion, seed };
         let report = run(&model, &method, settings, |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
         if self.json {
             let text = serde_json::to_string_pretty(&report).map_err(std::io::Error::other);
             print(&(text.map_err(|error| Error::io("standard output", error))? + "\n"))?;
         } else {
-            print(&text(&report))?;
+            print(&accuracy_text(&report))?;
         }
         Ok(report.failures() < trials)
     }
 }
 
-fn text(report: &Report) -> String {
+fn accuracy_text(report: &AccuracyReport) -> String {
     let line = |name: &str, measure: fn(&PoseError) -> f64| {
         let (mean, deviation) = report.statistics(measure);
         format!("{name:<22}{mean:.4} +- {deviation:.4}\n")

@@ -12,15 +12,15 @@ pub mod accuracy;
 mod csv_cache;
 pub mod experiments;
 mod files;
+mod mean_std;
 mod model;
 mod motion;
 pub mod protocol;
 pub mod scaling;
-mod spread;
 pub mod study;
 mod views;
 
+pub use mean_std::MeanStd;
 pub use model::Model;
 pub use motion::Motion;
-pub use spread::Spread;
 pub use views::Views;

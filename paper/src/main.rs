@@ -29,9 +29,9 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// The experiments of the paper: every trial, and its tables beside the printed ones
-    Reproduce(reproduce::Reproduce),
+    Reproduce(reproduce::ReproduceCommand),
     /// The accuracy test of the paper on a cloud of your own (Table II)
-    Accuracy(accuracy_command::Accuracy),
+    Accuracy(accuracy_command::AccuracyCommand),
 }
 
 fn main() -> ExitCode {
@@ -48,14 +48,14 @@ fn main() -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) => {
-            say(&format!("cfreg-paper: {error}\n"));
+            log(&format!("cfreg-paper: {error}\n"));
             ExitCode::from(2)
         }
     }
 }
 
 /// Writes `text` to stderr.
-fn say(text: &str) {
+fn log(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
 

@@ -28,8 +28,8 @@ impl Motion {
 
     /// Draws a motion for a model with this centroid.
     pub fn draw(self, center: Vec3, rng: &mut ChaCha8Rng) -> Transform {
-        let half = self.half();
-        self.turned([(); 3].map(|()| half * (2.0 * rng.random::<f64>() - 1.0)), center)
+        let half = self.half_range();
+        self.rotate_about([(); 3].map(|()| half * (2.0 * rng.random::<f64>() - 1.0)), center)
     }
 
     /// The one motion that the noise levels of section IV-B share: each entry of its
@@ -37,18 +37,18 @@ impl Motion {
     /// not print its own; from half, 78°, CPD and DARE still find the large one, which its
     /// figure excludes.
     pub fn fixed(self, center: Vec3) -> Transform {
-        self.turned([0.75 * self.half(); 3], center)
+        self.rotate_about([0.75 * self.half_range(); 3], center)
     }
 
     /// Greatest entry of a rotation vector.
-    fn half(self) -> f64 {
+    fn half_range(self) -> f64 {
         match self {
             Motion::Small => std::f64::consts::PI / 8.0,
             Motion::Large => std::f64::consts::PI / 2.0,
         }
     }
 
-    fn turned(self, vector: Vec3, center: Vec3) -> Transform {
+    fn rotate_about(self, vector: Vec3, center: Vec3) -> Transform {
         let turn = Transform::from_rotation_vector(vector);
         match self {
             Motion::Large => turn,

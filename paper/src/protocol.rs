@@ -39,7 +39,7 @@ pub enum Protocol {
 /// Where the normals of a trial look.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Viewpoint {
+pub enum NormalViewpoint {
     /// At the origin of the frame, in both clouds: what PCL does unless told otherwise.
     #[default]
     Origin,
@@ -57,7 +57,7 @@ pub struct Draw {
     /// How the target is moved.
     pub motion: Motion,
     /// Where normals look.
-    pub viewpoint: Viewpoint,
+    pub viewpoint: NormalViewpoint,
     /// Points that are drawn from the model, at least 3.
     pub points: usize,
     /// Seed of all trials.
@@ -100,21 +100,21 @@ impl Protocol {
         let mut target = match *self {
             Protocol::Accuracy => model.sample(draw.points, rng.next_u64())?,
             Protocol::Sensitivity { sigma } => {
-                let noisy = |p: Vec3| math::add(p, math::scaled(normal(&mut rng), sigma));
+                let noisy = |p: Vec3| math::add(p, math::scaled(sample_normal(&mut rng), sigma));
                 PointCloud::new(&source.positions().map(noisy).collect::<Vec<Vec3>>())?
             }
             Protocol::Robustness { outliers, radius } => {
                 let center = source.centroid();
-                let outlier = |()| math::add(center, math::scaled(in_ball(&mut rng), radius));
+                let outlier = |()| math::add(center, math::scaled(sample_ball(&mut rng), radius));
                 let more: Vec<Vec3> = vec![(); outliers].into_iter().map(outlier).collect();
                 PointCloud::new(&source.positions().chain(more).collect::<Vec<Vec3>>())?
             }
         };
         let viewpoint = match draw.viewpoint {
-            Viewpoint::Origin => None,
-            Viewpoint::Along => Some([0.0; 3]),
-            Viewpoint::Centroid => Some(center),
-            Viewpoint::At(place) => Some(place),
+            NormalViewpoint::Origin => None,
+            NormalViewpoint::Along => Some([0.0; 3]),
+            NormalViewpoint::Centroid => Some(center),
+            NormalViewpoint::At(place) => Some(place),
         };
         if let Some(viewpoint) = viewpoint {
             source = source.with_viewpoint(viewpoint)?;
@@ -133,9 +133,9 @@ impl Protocol {
             return Err(Error::config(field, value, "must be 0 or more, and finite"));
         }
         if let Protocol::Robustness { outliers, .. } = *self
-            && outliers > MOST_OUTLIERS
+            && outliers > MAX_OUTLIERS
         {
-            let rule = format!("must be at most {MOST_OUTLIERS}");
+            let rule = format!("must be at most {MAX_OUTLIERS}");
             return Err(Error::config("outliers", outliers, rule));
         }
         Ok(())
@@ -143,7 +143,7 @@ impl Protocol {
 }
 
 /// Most outliers of a trial.
-const MOST_OUTLIERS: usize = 10_000_000;
+const MAX_OUTLIERS: usize = 10_000_000;
 
 impl Trial {
     /// How far `found` is from the truth.
@@ -161,7 +161,7 @@ impl Trial {
 }
 
 /// Three independent standard normal numbers (Marsaglia's polar method, one of each pair).
-fn normal(rng: &mut ChaCha8Rng) -> Vec3 {
+fn sample_normal(rng: &mut ChaCha8Rng) -> Vec3 {
     [(); 3].map(|()| {
         loop {
             let [x, y] = [(); 2].map(|()| 2.0 * rng.random::<f64>() - 1.0);
@@ -174,7 +174,7 @@ fn normal(rng: &mut ChaCha8Rng) -> Vec3 {
 }
 
 /// Evenly from the unit ball, by rejection from the cube.
-fn in_ball(rng: &mut ChaCha8Rng) -> Vec3 {
+fn sample_ball(rng: &mut ChaCha8Rng) -> Vec3 {
     loop {
         let p = [(); 3].map(|()| 2.0 * rng.random::<f64>() - 1.0);
         if math::dot(p, p) <= 1.0 {
@@ -189,7 +189,7 @@ mod tests {
     use cfreg::cloud::shape::boulder;
 
     fn draw(motion: Motion, number: u64) -> Draw {
-        Draw { motion, viewpoint: Viewpoint::Origin, points: 400, seed: 3, number }
+        Draw { motion, viewpoint: NormalViewpoint::Origin, points: 400, seed: 3, number }
     }
 
     fn trial(protocol: Protocol, motion: Motion, number: u64) -> Trial {
@@ -248,18 +248,19 @@ mod tests {
             let back = made.truth.inverse();
             (made.source.viewpoint(), made.target.viewpoint().map(|place| back.apply(place)))
         };
-        assert_eq!(viewpoints(Viewpoint::Origin), (None, None));
+        assert_eq!(viewpoints(NormalViewpoint::Origin), (None, None));
         let place = [0.3, -4.0, 0.5];
         for (viewpoint, want) in [
-            (Viewpoint::Along, [0.0; 3]),
-            (Viewpoint::Centroid, model.centroid()),
-            (Viewpoint::At(place), place),
+            (NormalViewpoint::Along, [0.0; 3]),
+            (NormalViewpoint::Centroid, model.centroid()),
+            (NormalViewpoint::At(place), place),
         ] {
             let (source, target) = viewpoints(viewpoint);
             assert_eq!(source, Some(want));
             assert!(math::norm(math::sub(target.unwrap(), want)) < 1e-12, "{viewpoint:?}");
         }
-        let nowhere = Draw { viewpoint: Viewpoint::At([f64::NAN; 3]), ..draw(Motion::Small, 0) };
+        let nowhere =
+            Draw { viewpoint: NormalViewpoint::At([f64::NAN; 3]), ..draw(Motion::Small, 0) };
         let refused = Protocol::Accuracy.trial(&model, nowhere);
         assert!(matches!(refused, Err(Error::Config { field: "viewpoint", .. })));
     }

@@ -5,15 +5,17 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 
-use super::{print, progress, say};
+use super::{log, print, progress};
 use cfreg::error::Result;
 use cfreg::par;
-use cfreg_paper::experiments::{self, Options, Part, cell::Test, interpretations, models, tables};
+use cfreg_paper::experiments::{
+    self, ExperimentOptions, ExperimentPart, cell::Test, interpretations, models, tables,
+};
 use cfreg_paper::scaling::{self, Meter};
 use cfreg_paper::study;
 
 #[derive(Args)]
-pub(super) struct Reproduce {
+pub(super) struct ReproduceCommand {
     /// Folder for the results; a run that was cut short goes on from what is there [default:
     /// paper/results, with --smoke paper/smoke]
     #[arg(long, value_name = "DIR")]
@@ -26,7 +28,7 @@ pub(super) struct Reproduce {
     smoke: bool,
     /// This part alone
     #[arg(long, value_name = "PART")]
-    only: Option<Only>,
+    only: Option<ReproducePart>,
     /// Register nothing: write the pairs of Tables I and II to this folder, as arrays that
     /// numpy.load reads, for other programs to register
     #[arg(long, value_name = "DIR")]
@@ -38,7 +40,7 @@ pub(super) struct Reproduce {
 
 /// Parts by the names that are typed.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Only {
+enum ReproducePart {
     /// Noise (section IV-B)
     Sensitivity,
     /// Outliers (section IV-C, Table I)
@@ -53,41 +55,41 @@ enum Only {
     Scaling,
 }
 
-impl Only {
+impl ReproducePart {
     /// The part of the paper; `None` for what is none.
-    fn part(self) -> Option<Part> {
+    fn paper_part(self) -> Option<ExperimentPart> {
         match self {
-            Only::Sensitivity => Some(Part::Test(Test::Sensitivity)),
-            Only::Robustness => Some(Part::Test(Test::Robustness)),
-            Only::Accuracy => Some(Part::Test(Test::Accuracy)),
-            Only::Readings => Some(Part::Readings),
-            Only::Weights | Only::Scaling => None,
+            ReproducePart::Sensitivity => Some(ExperimentPart::Test(Test::Sensitivity)),
+            ReproducePart::Robustness => Some(ExperimentPart::Test(Test::Robustness)),
+            ReproducePart::Accuracy => Some(ExperimentPart::Test(Test::Accuracy)),
+            ReproducePart::Readings => Some(ExperimentPart::Interpretations),
+            ReproducePart::Weights | ReproducePart::Scaling => None,
         }
     }
 }
 
-impl Reproduce {
+impl ReproduceCommand {
     pub(super) fn run(&self, meter: Meter) -> Result<()> {
         let named = || std::env::var_os("CFREG_DATA").map(PathBuf::from);
         let fetched = || Path::new("data/scans").to_path_buf();
         let data = self.data.clone().or_else(named).unwrap_or_else(fetched);
-        let part = self.only.and_then(Only::part);
+        let part = self.only.and_then(ReproducePart::paper_part);
         if let Some(folder) = &self.pairs {
-            complain(&experiments::pairs::write(&self.options(data, part), folder)?);
+            log_lines(&experiments::pairs::write(&self.options(data, part), folder)?);
             return Ok(());
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
         if self.only.is_none() || part.is_some() {
             self.paper(&self.options(data.clone(), part))?;
         }
-        if wanted(Only::Weights) {
+        if wanted(ReproducePart::Weights) {
             self.weights(&data)?;
         }
-        if wanted(Only::Scaling) {
+        if wanted(ReproducePart::Scaling) {
             match self.scaling(data, meter) {
                 // What is there has been run.
                 Err(error) if self.only.is_none() && models::is_missing(&error) => {
-                    complain(&[format!("scaling left out: {error}")]);
+                    log_lines(&[format!("scaling left out: {error}")]);
                 }
                 done => done?,
             }
@@ -95,8 +97,8 @@ impl Reproduce {
         Ok(())
     }
 
-    fn options(&self, data: PathBuf, only: Option<Part>) -> Options {
-        Options { data, output: self.output(), smoke: self.smoke, only }
+    fn options(&self, data: PathBuf, only: Option<ExperimentPart>) -> ExperimentOptions {
+        ExperimentOptions { data, output: self.output(), smoke: self.smoke, only }
     }
 
     /// A check in small must not replace what took half an hour.
@@ -105,34 +107,39 @@ impl Reproduce {
         self.output.clone().unwrap_or_else(|| usual.into())
     }
 
-    fn paper(&self, options: &Options) -> Result<()> {
+    fn paper(&self, options: &ExperimentOptions) -> Result<()> {
         let bar = progress(1, "cells");
-        let done = par::with_threads(self.threads, || experiments::run(options, follow(&bar)))??;
+        let done = par::with_threads(self.threads, || {
+            experiments::run(options, progress_callback(&bar))
+        })??;
         bar.finish_and_clear();
-        complain(&done.left_out);
+        log_lines(&done.left_out);
         match options.only {
-            Some(Part::Readings) => print(&interpretations::markdown(&done.results)),
+            Some(ExperimentPart::Interpretations) => {
+                print(&interpretations::markdown(&done.results))
+            }
             _ => print(&tables::markdown(&done.results)),
         }
     }
 
     fn weights(&self, data: &Path) -> Result<()> {
         let output = self.output().join("weights");
-        let options = study::Options { output, smoke: self.smoke, own: Vec::new() };
+        let options = study::StudyOptions { output, smoke: self.smoke, own: Vec::new() };
         let (scenes, left_out) = study::Scenes::load(data)?;
-        complain(&left_out);
+        log_lines(&left_out);
         let bar = progress(1, "conditions");
-        let study =
-            par::with_threads(self.threads, || study::run(&options, &scenes, follow(&bar)))??;
+        let study = par::with_threads(self.threads, || {
+            study::run(&options, &scenes, progress_callback(&bar))
+        })??;
         bar.finish_and_clear();
         study.write_page(&options.output)?;
         print(&study.markdown())
     }
 
     fn scaling(&self, data: PathBuf, meter: Meter) -> Result<()> {
-        let options = scaling::Options::new(data, self.output(), self.smoke);
+        let options = scaling::ScalingOptions::new(data, self.output(), self.smoke);
         let bar = progress(1, "sizes");
-        let runs = scaling::run(&options, Some(meter), follow(&bar))?;
+        let runs = scaling::run(&options, Some(meter), progress_callback(&bar))?;
         bar.finish_and_clear();
         scaling::draw(&runs, &options.output)?;
         print(&scaling::markdown(&runs))
@@ -140,7 +147,7 @@ impl Reproduce {
 }
 
 /// Moves `bar` to how many parts of how many are done.
-fn follow(bar: &ProgressBar) -> impl FnMut(usize, usize) {
+fn progress_callback(bar: &ProgressBar) -> impl FnMut(usize, usize) {
     |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
@@ -148,8 +155,8 @@ fn follow(bar: &ProgressBar) -> impl FnMut(usize, usize) {
 }
 
 /// Says what was left out.
-fn complain(lines: &[String]) {
+fn log_lines(lines: &[String]) {
     for line in lines {
-        say(&format!("cfreg: {line}\n"));
+        log(&format!("cfreg: {line}\n"));
     }
 }

@@ -15,7 +15,7 @@ const DISTANCE: f64 = 3.0;
 /// How near the overlap of two views is to the one asked for; a face or so of a coarse mesh.
 const TOLERANCE: f64 = 0.002;
 /// Most views that are tried: from half a turn, bisection alone ends at a thousandth of a degree.
-const TRIES: usize = 18;
+const MAX_ITERATIONS: usize = 18;
 
 /// A mesh, to be seen from two sides at a time.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ pub struct Views {
 }
 
 /// A view and the next: where their sensors stand, which faces they see.
-struct Pair {
+struct ViewPair {
     sensors: [Vec3; 2],
     seen: [Vec<bool>; 2],
     overlap: f64,
@@ -83,8 +83,8 @@ impl Views {
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(number);
-        let direction = direction(&mut rng);
-        let axis = math::normalized(math::cross(direction, self::direction(&mut rng)));
+        let direction = random_direction(&mut rng);
+        let axis = math::normalized(math::cross(direction, self::random_direction(&mut rng)));
         let truth = Motion::Large.draw(self.center, &mut rng);
         let seeds = [rng.next_u64(), rng.next_u64()];
         let pair = self.pair(direction, axis, overlap)?;
@@ -97,7 +97,7 @@ impl Views {
     }
 
     /// Turns the second sensor until the views overlap as asked.
-    fn pair(&self, direction: Vec3, axis: Vec3, asked: f64) -> Result<Pair> {
+    fn pair(&self, direction: Vec3, axis: Vec3, asked: f64) -> Result<ViewPair> {
         let sensor = |angle: f64| {
             let turn = Transform::from_rotation_vector(math::scaled(axis, angle));
             math::add(self.center, math::scaled(turn.rotate(direction), self.distance))
@@ -109,7 +109,7 @@ impl Views {
             let both: Vec<bool> = first.iter().zip(&seen).map(|(&a, &b)| a && b).collect();
             let overlap = if area > 0.0 { self.mesh.area_of(&both)? / area } else { 0.0 };
             let seen = [first.clone(), seen];
-            Ok::<Pair, Error>(Pair { sensors: [sensor(0.0), sensor(angle)], seen, overlap })
+            Ok::<ViewPair, Error>(ViewPair { sensors: [sensor(0.0), sensor(angle)], seen, overlap })
         };
         // False position, an end that stays twice at half its weight (Dowell and Jarratt 1971,
         // "Illinois"): the overlap falls from 1 to about 0 over half a turn, nearly in a line.
@@ -121,7 +121,7 @@ impl Views {
             return Err(Error::config("overlap", asked, rule));
         }
         let mut last = None;
-        for _ in 0..TRIES {
+        for _ in 0..MAX_ITERATIONS {
             if (best.overlap - asked).abs() <= TOLERANCE {
                 break;
             }
@@ -147,7 +147,7 @@ impl Views {
 }
 
 /// Evenly from the unit sphere, by rejection from the cube.
-fn direction(rng: &mut ChaCha8Rng) -> Vec3 {
+fn random_direction(rng: &mut ChaCha8Rng) -> Vec3 {
     loop {
         let p = [(); 3].map(|()| 2.0 * rng.random::<f64>() - 1.0);
         let square = math::dot(p, p);

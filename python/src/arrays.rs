@@ -12,19 +12,21 @@ use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 
-use super::errors::{Error, SettingError, ShapeError, about, exception, non_finite, shown};
-use super::shutdown::detached;
+use super::errors::{
+    Error, SettingError, ShapeError, argument_error, format_value, non_finite_error, to_pyerr,
+};
+use super::shutdown::detach;
 use cfreg::cloud::{Descriptors, Transform};
 use cfreg::error::Error as Failure;
 use cfreg::math::Vec3;
 
 /// A table of numbers in row order that nobody else holds: float32 as it came, all else float64.
-pub(super) enum Table<'py> {
+pub(super) enum NumericArray<'py> {
     F32(PyReadonlyArray2<'py, f32>),
     F64(PyReadonlyArray2<'py, f64>),
 }
 
-impl<'py> Table<'py> {
+impl<'py> NumericArray<'py> {
     /// Reads an array (N, `width`), any width where that is `None`; `name` is what errors
     /// call it.
     pub(super) fn read(
@@ -38,7 +40,7 @@ impl<'py> Table<'py> {
         };
         let (py, found) = (any.py(), array.dtype());
         if found.has_fields() {
-            let fields = shown(&found.getattr("names")?);
+            let fields = format_value(&found.getattr("names")?);
             let rule = "put those that are meant beside each other, as rows of numbers";
             return Err(Error::new_err(format!("{name} has the fields {fields}: {rule}")));
         }
@@ -49,16 +51,16 @@ impl<'py> Table<'py> {
             return Err(ShapeError::new_err(message));
         }
         if found.is_equiv_to(&dtype::<f32>(py)) {
-            return Ok(Table::F32(own_copy(any)?));
+            return Ok(NumericArray::F32(contiguous_copy(any)?));
         }
         if found.is_equiv_to(&dtype::<f64>(py)) {
-            return Ok(Table::F64(own_copy(any)?));
+            return Ok(NumericArray::F64(contiguous_copy(any)?));
         }
         // Whole numbers and floats of other kinds; neither truth values nor complex numbers.
         match found.kind() {
             b'i' | b'u' | b'f' => {
                 let converted = any.call_method1("astype", ("float64", "C"))?;
-                Ok(Table::F64(converted.cast::<PyArray2<f64>>()?.try_readonly()?))
+                Ok(NumericArray::F64(converted.cast::<PyArray2<f64>>()?.try_readonly()?))
             }
             _ => Err(Error::new_err(format!("{name} must be numbers, not {found}"))),
         }
@@ -67,8 +69,8 @@ impl<'py> Table<'py> {
     /// Rows and columns.
     pub(super) fn shape(&self) -> [usize; 2] {
         match self {
-            Table::F32(table) => [table.shape()[0], table.shape()[1]],
-            Table::F64(table) => [table.shape()[0], table.shape()[1]],
+            NumericArray::F32(table) => [table.shape()[0], table.shape()[1]],
+            NumericArray::F64(table) => [table.shape()[0], table.shape()[1]],
         }
     }
 
@@ -79,32 +81,32 @@ impl<'py> Table<'py> {
             values.iter().position(|&x| !finite(x))
         }
         let bad = match self {
-            Table::F32(table) => {
+            NumericArray::F32(table) => {
                 let values = table.as_slice()?;
-                detached(py, || bad(values, f32::is_finite))?
+                detach(py, || bad(values, f32::is_finite))?
             }
-            Table::F64(table) => {
+            NumericArray::F64(table) => {
                 let values = table.as_slice()?;
-                detached(py, || bad(values, f64::is_finite))?
+                detach(py, || bad(values, f64::is_finite))?
             }
         };
-        bad.map_or(Ok(()), |at| Err(non_finite(name, at / width)))
+        bad.map_or(Ok(()), |at| Err(non_finite_error(name, at / width)))
     }
 
     /// The values in f64, row after row.
     pub(super) fn values(&self, py: Python<'_>) -> PyResult<Cow<'_, [f64]>> {
         Ok(match self {
-            Table::F32(table) => {
+            NumericArray::F32(table) => {
                 let values = table.as_slice()?;
-                detached(py, || values.iter().map(|&x| f64::from(x)).collect())?
+                detach(py, || values.iter().map(|&x| f64::from(x)).collect())?
             }
-            Table::F64(table) => Cow::Borrowed(table.as_slice()?),
+            NumericArray::F64(table) => Cow::Borrowed(table.as_slice()?),
         })
     }
 }
 
 /// A copy in row order. numpy lets other threads run while it makes one.
-fn own_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, T>> {
+fn contiguous_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, T>> {
     let copy = any.call_method1("copy", ("C",))?;
     Ok(copy.cast::<PyArray2<T>>()?.try_readonly()?)
 }
@@ -114,25 +116,25 @@ pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Bou
     if any.get_type().is(PyUntypedArray::type_object(any.py())) {
         return Ok(any.clone());
     }
-    interop(any.py())?.call_method1("array", (any, name))
+    interop_module(any.py())?.call_method1("array", (any, name))
 }
 
 /// The Python side's knowledge of other libraries.
-pub(super) fn interop(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+pub(super) fn interop_module(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let import = || Ok::<_, PyErr>(py.import("cfreg._interop")?.unbind());
     Ok(MODULE.get_or_try_init(py, import)?.bind(py))
 }
 
 /// A table (N, D) that is finite, one row for each of the `points` of `owner`.
-pub(super) fn table_for<'py>(
+pub(super) fn array_for_points<'py>(
     any: &Bound<'py, PyAny>,
     name: &str,
     points: usize,
     owner: &str,
-) -> PyResult<Table<'py>> {
+) -> PyResult<NumericArray<'py>> {
     let py = any.py();
-    let table = Table::read(&as_array(any, name)?, name, None)?;
+    let table = NumericArray::read(&as_array(any, name)?, name, None)?;
     let [found, width] = table.shape();
     if width == 0 {
         return Err(ShapeError::new_err(format!("{name}: has no column")));
@@ -146,7 +148,7 @@ pub(super) fn table_for<'py>(
 }
 
 /// Numbers (N,), one for each of the `points` of `owner`.
-pub(super) fn column_for(
+pub(super) fn values_for_points(
     any: &Bound<'_, PyAny>,
     name: &str,
     points: usize,
@@ -161,59 +163,59 @@ pub(super) fn column_for(
         return Err(ShapeError::new_err(message));
     }
     let column = array.call_method1("reshape", (-1, 1))?;
-    Ok(table_for(&column, name, points, owner)?.values(any.py())?.into_owned())
+    Ok(array_for_points(&column, name, points, owner)?.values(any.py())?.into_owned())
 }
 
 /// The descriptors of both sides.
 pub(super) fn descriptors(
     py: Python<'_>,
-    source: &Table<'_>,
-    target: &Table<'_>,
+    source: &NumericArray<'_>,
+    target: &NumericArray<'_>,
 ) -> PyResult<[Descriptors; 2]> {
     let ([_, from], [_, to]) = (source.shape(), target.shape());
     if from != to {
         let what = "columns of target_descriptors, against source_descriptors".into();
-        return Err(exception(Failure::Shape { what, expected: from, found: to }));
+        return Err(to_pyerr(Failure::Shape { what, expected: from, found: to }));
     }
     let both = match (source, target) {
-        (Table::F32(source), Table::F32(target)) => {
+        (NumericArray::F32(source), NumericArray::F32(target)) => {
             let (source, target) = (source.as_slice()?, target.as_slice()?);
             let side = |values: &[f32]| Descriptors::new(from, values.to_vec());
-            detached(py, || Ok([side(source)?, side(target)?]))?
+            detach(py, || Ok([side(source)?, side(target)?]))?
         }
         _ => {
             let (source, target) = (source.values(py)?, target.values(py)?);
-            detached(py, || Descriptors::from_f64_pair(from, &source, &target))?
+            detach(py, || Descriptors::from_f64_pair(from, &source, &target))?
         }
     };
-    both.map_err(exception)
+    both.map_err(to_pyerr)
 }
 
 /// Three numbers.
-pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
+pub(super) fn parse_vec3(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
     any.extract().map_err(|_| {
-        SettingError::new_err(format!("{name} = {}: must be three numbers", shown(any)))
+        SettingError::new_err(format!("{name} = {}: must be three numbers", format_value(any)))
     })
 }
 
 /// A (4, 4) matrix, of any kind of number.
-pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
+pub(super) fn parse_pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     // A registration stands for its pose; data frames have a method of that name.
     let matrix = any.getattr_opt("transform")?.filter(|matrix| !matrix.is_callable());
     let matrix = matrix.unwrap_or_else(|| any.clone());
-    let found = as_array(&matrix, name).and_then(|array| Table::read(&array, name, Some(4)));
+    let found = as_array(&matrix, name).and_then(|array| NumericArray::read(&array, name, Some(4)));
     let refused = || {
-        let given = shown(&matrix);
+        let given = format_value(&matrix);
         ShapeError::new_err(format!("{name}: must be a (4, 4) matrix of numbers, not {given}"))
     };
     let table = found.map_err(|_| refused())?;
     let rows: [[f64; 4]; 4] =
         table.values(any.py())?.as_chunks().0.try_into().map_err(|_| refused())?;
-    Transform::from_matrix(rows).map_err(|error| about(name, error))
+    Transform::from_matrix(rows).map_err(|error| argument_error(name, error))
 }
 
 /// An array (N, `width`) of `values`, row after row.
-pub(super) fn table<T: Element>(
+pub(super) fn to_array2<T: Element>(
     py: Python<'_>,
     width: usize,
     values: Vec<T>,

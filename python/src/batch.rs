@@ -11,13 +11,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
 
-use super::cloud_arg::AnyCloud;
-use super::errors::{exception, real, refused};
-use super::gil::released;
+use super::cloud_arg::CloudArg;
+use super::errors::{real, settings_error, to_pyerr};
+use super::gil::run_interruptible;
 use super::interop::BadRows;
-use super::registration::{Named, Options, chain_of};
+use super::registration::{NamedMethod, RegistrationOptions, parse_chain};
 use cfreg::batch::{
-    self, Batch, Column, Downsampling, List, Row, RowGraph, Start, Summary, install_panic_hook,
+    self, Batch, Column, Downsampling, PairList, Row, RowGraph, StartMode, Summary,
+    install_panic_hook,
 };
 use cfreg::cloud::ViewpointSource;
 use cfreg::error::Error;
@@ -27,7 +28,7 @@ use cfreg::pose_graph::Tangent;
 
 /// How a list is run, as the package gives it in JSON.
 #[derive(Deserialize)]
-struct Settings {
+struct BatchSettings {
     threads: usize,
     memory: usize,
     time_limit: Option<f64>,
@@ -39,15 +40,15 @@ struct Settings {
     resume: bool,
     overwrite: bool,
     #[serde(flatten)]
-    options: Options,
+    options: RegistrationOptions,
 }
 
-impl Settings {
-    fn read(json: &str) -> PyResult<Settings> {
-        serde_json::from_str(json).map_err(|error| refused("settings", error))
+impl BatchSettings {
+    fn read(json: &str) -> PyResult<BatchSettings> {
+        serde_json::from_str(json).map_err(|error| settings_error("settings", error))
     }
 
-    fn put(&self, batch: &mut Batch<'_>) -> cfreg::Result<()> {
+    fn apply_to(&self, batch: &mut Batch<'_>) -> cfreg::Result<()> {
         batch.threads = self.threads;
         batch.memory = self.memory;
         batch.times = self.times;
@@ -59,9 +60,9 @@ impl Settings {
                 let rule = "contradicts overwrite: choose one of them";
                 return Err(Error::config("resume", true, rule));
             }
-            (true, false) => Start::Resume,
-            (false, true) => Start::Overwrite,
-            (false, false) => Start::Fresh,
+            (true, false) => StartMode::Resume,
+            (false, true) => StartMode::Overwrite,
+            (false, false) => StartMode::Fresh,
         };
         if let Some(seconds) = self.time_limit {
             let limit = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
@@ -75,7 +76,7 @@ impl Settings {
 
 /// Pairs, as they were given.
 #[derive(FromPyObject)]
-pub(super) enum Pairs {
+pub(super) enum PairsArg {
     /// By their names.
     Names(Vec<(String, String)>),
     /// A file with a list.
@@ -89,52 +90,58 @@ pub(super) enum Pairs {
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register_batch(
     py: Python<'_>,
-    pairs: Pairs,
+    pairs: PairsArg,
     clouds: &Bound<'_, PyDict>,
     folder: Option<PathBuf>,
-    method: Named,
-    refinements: Vec<Named>,
+    method: NamedMethod,
+    refinements: Vec<NamedMethod>,
     settings: &str,
     output: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
-    let settings = Settings::read(settings)?;
-    let (first, refinements) = chain_of(&method, &refinements)?;
-    let chain = Pipeline::new(first, refinements).map_err(exception)?;
-    let chain = settings.options.put(chain, true)?;
+    let settings = BatchSettings::read(settings)?;
+    let (first, refinements) = parse_chain(&method, &refinements)?;
+    let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
+    let chain = settings.options.apply_to(chain, true)?;
     let mut batch = Batch::new(&chain, &chain);
-    settings.put(&mut batch).map_err(exception)?;
+    settings.apply_to(&mut batch).map_err(to_pyerr)?;
     for (name, cloud) in clouds {
         let name: String = name.extract()?;
-        let cloud = AnyCloud::read(&cloud, &name, None, BadRows::Drop)?.get().clone();
-        batch.given.insert(name, Arc::new(cloud));
+        let cloud = CloudArg::read(&cloud, &name, None, BadRows::Drop)?.get().clone();
+        batch.in_memory.insert(name, Arc::new(cloud));
     }
-    let list = released(py, || match &pairs {
-        Pairs::Names(names) => {
+    let list = run_interruptible(py, || match &pairs {
+        PairsArg::Names(names) => {
             let names = names.iter().map(|(source, target)| [source, target]);
-            Ok(List::new(folder.unwrap_or_default(), names))
+            Ok(PairList::new(folder.unwrap_or_default(), names))
         }
-        Pairs::File(path) => {
+        PairsArg::File(path) => {
             let own = path.parent().unwrap_or(Path::new(""));
-            List::read(path, folder.as_deref().unwrap_or(own))
+            PairList::read(path, folder.as_deref().unwrap_or(own))
         }
     })?;
     install_panic_hook();
-    let follower =
-        Follower { call: progress, interrupt: batch.interrupt.clone(), raised: Mutex::default() };
-    let found = released(py, || match &output {
+    let follower = ProgressCallback {
+        call: progress,
+        interrupt: batch.interrupt.clone(),
+        raised: Mutex::default(),
+    };
+    let found = run_interruptible(py, || match &output {
         Some(output) => {
-            let done = batch.run_with(&list, output, |done, all| follower.follow(done, all))?;
-            Ok(Found::Summary(done))
+            let done =
+                batch.run_with(&list, output, |done, all| follower.report_progress(done, all))?;
+            Ok(BatchOutput::Summary(done))
         }
-        None => batch.rows(&list, |done, all| follower.follow(done, all)).map(Found::Rows),
+        None => batch
+            .rows(&list, |done, all| follower.report_progress(done, all))
+            .map(BatchOutput::Rows),
     });
-    if let Some(raised) = follower.raised() {
+    if let Some(raised) = follower.take_error() {
         return Err(raised);
     }
     match found? {
-        Found::Rows(rows) => columns(py, &rows, settings.times),
-        Found::Summary(Summary { pairs, resumed, trusted, errors, damaged, .. }) => {
+        BatchOutput::Rows(rows) => columns(py, &rows, settings.times),
+        BatchOutput::Summary(Summary { pairs, resumed, trusted, errors, damaged, .. }) => {
             if damaged > 0 {
                 let words = format!(
                     "{damaged} rows of the run that was cut short were changed since, or are of \
@@ -150,7 +157,7 @@ pub(super) fn register_batch(
 /// Pairs of source and target of a list.
 #[pyfunction]
 pub(super) fn read_list(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, String)>> {
-    let list = released(py, || List::read(&path, Path::new("")))?;
+    let list = run_interruptible(py, || PairList::read(&path, Path::new("")))?;
     let pair = |index| {
         let [source, target] = list.pair(index);
         (source.to_string(), target.to_string())
@@ -161,7 +168,7 @@ pub(super) fn read_list(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, 
 /// Columns of results that were written, as `register_batch` gives them.
 #[pyfunction]
 pub(super) fn read_batch(py: Python<'_>, path: PathBuf) -> PyResult<Py<PyAny>> {
-    let rows = released(py, || batch::results::read(&path))?;
+    let rows = run_interruptible(py, || batch::results::read(&path))?;
     let times = rows.iter().any(|row| row.seconds.is_some());
     columns(py, &rows, times)
 }
@@ -181,22 +188,28 @@ pub(super) fn write_g2o(
         "vector" => Tangent::RotationVector,
         other => {
             let rule = "must be quaternion or vector";
-            return Err(exception(Error::config("rotations", other, rule)));
+            return Err(to_pyerr(Error::config("rotations", other, rule)));
         }
     };
-    released(py, || {
+    run_interruptible(py, || {
         let found = RowGraph::new(&batch::results::parse(rows)?)?;
-        let RowGraph { graph, not_accepted, left_out, .. } = &found;
+        let RowGraph { graph, not_accepted, skipped, .. } = &found;
         graph.write(&path, tangent)?;
         names.map_or(Ok(()), |names| found.write_names(&names))?;
-        Ok((graph.names().len(), graph.parts(), graph.edges(), *not_accepted, *left_out))
+        Ok((
+            graph.names().len(),
+            graph.component_count(),
+            graph.edge_count(),
+            *not_accepted,
+            *skipped,
+        ))
     })
 }
 
 /// Pairs of each of `count` scans with those that many before it.
 #[pyfunction]
 pub(super) fn consecutive(count: usize, steps: Vec<usize>) -> PyResult<Vec<(usize, usize)>> {
-    let pairs = batch::sequential_pairs(count, &steps).map_err(exception)?;
+    let pairs = batch::sequential_pairs(count, &steps).map_err(to_pyerr)?;
     Ok(pairs.into_iter().map(Into::into).collect())
 }
 
@@ -207,25 +220,25 @@ pub(super) fn within(
     places: Vec<[f64; 3]>,
     #[pyo3(from_py_with = real)] radius: f64,
 ) -> PyResult<Vec<(usize, usize)>> {
-    let pairs = released(py, || batch::radius_pairs(&places, radius))?;
+    let pairs = run_interruptible(py, || batch::radius_pairs(&places, radius))?;
     Ok(pairs.into_iter().map(Into::into).collect())
 }
 
 /// What came of a list.
-enum Found {
+enum BatchOutput {
     Rows(Vec<Row>),
     Summary(Summary),
 }
 
 /// A function that is told how far it is; what it raises ends the run.
-struct Follower {
+struct ProgressCallback {
     call: Option<Py<PyAny>>,
     interrupt: Interrupt,
     raised: Mutex<Option<PyErr>>,
 }
 
-impl Follower {
-    fn follow(&self, done: usize, all: usize) {
+impl ProgressCallback {
+    fn report_progress(&self, done: usize, all: usize) {
         let Some(call) = &self.call else { return };
         if let Some(Err(error)) = Python::try_attach(|py| call.call1(py, (done, all))) {
             self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
@@ -233,7 +246,7 @@ impl Follower {
         }
     }
 
-    fn raised(&self) -> Option<PyErr> {
+    fn take_error(&self) -> Option<PyErr> {
         self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }

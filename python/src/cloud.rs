@@ -8,12 +8,12 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::arrays::{Table, interop, place, pose, read_only, table};
-use super::errors::{count, exception, real, shown, whole};
-use super::gil::released;
+use super::arrays::{NumericArray, interop_module, parse_pose, parse_vec3, read_only, to_array2};
+use super::errors::{format_value, parse_count, real, to_pyerr, whole};
+use super::gil::run_interruptible;
 use super::interop::{self, BadRows};
-use super::rows::Rows;
-use super::shutdown::detached;
+use super::rows::RowSelection;
+use super::shutdown::detach;
 use cfreg::cloud::{Parts, PointCloud as Cloud};
 use cfreg::error::Error;
 use cfreg::math::Vec3;
@@ -71,13 +71,13 @@ impl From<Cloud> for PyCloud {
 impl PyCloud {
     /// A cloud of what is no `PointCloud`, or of one with other normals; `name` is what errors
     /// call it.
-    pub(super) fn made<'py>(
+    pub(super) fn from_any<'py>(
         any: &Bound<'py, PyAny>,
         name: &str,
         normals: Option<&Bound<'py, PyAny>>,
         bad_rows: BadRows,
     ) -> PyResult<Cloud> {
-        let cloud = interop::read(any, name, normals, bad_rows)?;
+        let cloud = interop::read_cloud(any, name, normals, bad_rows)?;
         let Ok(given) = any.cast::<PyCloud>() else { return Ok(cloud) };
         // All else that the other one has.
         let given = &given.get().cloud;
@@ -85,7 +85,7 @@ impl PyCloud {
         let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
         let dropped = given.dropped();
         let parts = Parts { weights, channels, viewpoint, dropped, ..cloud.parts() };
-        Cloud::from_parts(parts).map_err(exception)
+        Cloud::from_parts(parts).map_err(to_pyerr)
     }
 
     pub(super) fn cloud(&self) -> &Cloud {
@@ -106,34 +106,34 @@ impl PyCloud {
         channels: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let channels = channels.map(mapping).transpose()?;
-        let viewpoint = viewpoint.map(|at| place(at, "viewpoint")).transpose()?;
+        let viewpoint = viewpoint.map(|at| parse_vec3(at, "viewpoint")).transpose()?;
         let given = points.cast::<PyCloud>().ok();
         let cloud = match (given, normals) {
             (Some(given), None) => {
                 let given = given.get();
-                detached(py, || given.cloud.clone())?
+                detach(py, || given.cloud.clone())?
             }
-            _ => PyCloud::made(points, "points", normals, BadRows::Drop)?,
+            _ => PyCloud::from_any(points, "points", normals, BadRows::Drop)?,
         };
         // What a `PointCloud` has dropped is no row of it.
         let rows = match (given, &weights, &channels) {
-            (Some(_), ..) | (_, None, None) => Rows::all(cloud.len()),
-            _ => Rows::of(points, &cloud)?,
+            (Some(_), ..) | (_, None, None) => RowSelection::new(cloud.len()),
+            _ => RowSelection::from_points(points, &cloud)?,
         };
         let cloud = match viewpoint {
-            Some(at) => cloud.with_viewpoint(at).map_err(exception)?,
+            Some(at) => cloud.with_viewpoint(at).map_err(to_pyerr)?,
             None => cloud,
         };
         let cloud = match weights {
             Some(weights) => {
-                cloud.with_weights(rows.column(weights, "weights")?).map_err(exception)?
+                cloud.with_weights(rows.column(weights, "weights")?).map_err(to_pyerr)?
             }
             None => cloud,
         };
         let cloud = match channels {
             Some(given) => {
                 let channels = rows.channels(&given, &BTreeMap::new())?;
-                cloud.with_channels(channels).map_err(exception)?
+                cloud.with_channels(channels).map_err(to_pyerr)?
             }
             None => cloud,
         };
@@ -162,11 +162,11 @@ impl PyCloud {
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let made = self.points.get_or_try_init(py, || {
             let array = if self.cloud.origin() == [0.0; 3] {
-                let rows = detached(py, || self.cloud.points().as_flattened().to_vec())?;
-                read_only(table(py, 3, rows)).into_any()
+                let rows = detach(py, || self.cloud.points().as_flattened().to_vec())?;
+                read_only(to_array2(py, 3, rows)).into_any()
             } else {
-                let rows = detached(py, || self.cloud.positions().collect::<Vec<_>>())?;
-                read_only(table(py, 3, rows.into_flattened())).into_any()
+                let rows = detach(py, || self.cloud.positions().collect::<Vec<_>>())?;
+                read_only(to_array2(py, 3, rows.into_flattened())).into_any()
             };
             Ok::<_, PyErr>(array.unbind())
         })?;
@@ -179,8 +179,8 @@ impl PyCloud {
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(normals) = self.cloud.normals() else { return Ok(None) };
         let made = self.normals.get_or_try_init(py, || {
-            let rows = detached(py, || normals.as_flattened().to_vec())?;
-            Ok::<_, PyErr>(read_only(table(py, 3, rows)).into_any().unbind())
+            let rows = detach(py, || normals.as_flattened().to_vec())?;
+            Ok::<_, PyErr>(read_only(to_array2(py, 3, rows)).into_any().unbind())
         })?;
         Ok(Some(made.bind(py).clone()))
     }
@@ -206,22 +206,22 @@ impl PyCloud {
     /// Lowest and highest corner, two rows of three; None where the cloud is empty.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let bounds = detached(py, || self.cloud.bounds())?;
-        Ok(bounds.map(|(low, high)| read_only(table(py, 3, [low, high].concat()))))
+        let bounds = detach(py, || self.cloud.bounds())?;
+        Ok(bounds.map(|(low, high)| read_only(to_array2(py, 3, [low, high].concat()))))
     }
 
     /// Median distance from a point to the next, in the unit of the points; 0 for fewer than
     /// two places.
     #[getter]
     fn resolution(&self, py: Python<'_>) -> PyResult<f64> {
-        released(py, || search::resolution(self.cloud.points()))
+        run_interruptible(py, || search::resolution(self.cloud.points()))
     }
 
     /// One point a cube: the mean of the points, and of the normals, in it.
     ///
     /// size : side of the cubes, in the unit of the points, above 0. SettingError otherwise
     fn voxel(&self, py: Python<'_>, #[pyo3(from_py_with = real)] size: f64) -> PyResult<Self> {
-        released(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
+        run_interruptible(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
     }
 
     /// Points drawn at random without replacement, in their order.
@@ -235,12 +235,12 @@ impl PyCloud {
         #[pyo3(from_py_with = whole)] count: i64,
         #[pyo3(from_py_with = whole)] seed: i64,
     ) -> PyResult<Self> {
-        let seed = self::count("seed", seed)? as u64;
-        let count = self::count("count", count)?;
+        let seed = self::parse_count("seed", seed)? as u64;
+        let count = self::parse_count("count", count)?;
         if count == 0 {
-            return Err(exception(Error::config("count", 0, "must be at least 1")));
+            return Err(to_pyerr(Error::config("count", 0, "must be at least 1")));
         }
-        released(py, || Ok(filter::sample(&self.cloud, count, seed))).map(Self::from)
+        run_interruptible(py, || Ok(filter::sample(&self.cloud, count, seed))).map(Self::from)
     }
 
     /// The cloud moved by a pose, with its normals and its viewpoint.
@@ -248,28 +248,28 @@ impl PyCloud {
     /// transform : (4, 4), rotation times scale, and translation. SettingError where it is no
     /// such matrix
     fn transformed(&self, py: Python<'_>, transform: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let transform = pose(transform, "transform")?;
-        released(py, || self.cloud.transformed(&transform)).map(Self::from)
+        let transform = parse_pose(transform, "transform")?;
+        run_interruptible(py, || self.cloud.transformed(&transform)).map(Self::from)
     }
 
     /// The cloud as an `open3d.geometry.PointCloud`, normals too. Needs Open3D.
     fn to_open3d<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        interop(slf.py())?.call_method1("to_open3d", (slf,))
+        interop_module(slf.py())?.call_method1("to_open3d", (slf,))
     }
 
     /// The cloud as a `trimesh.PointCloud`. Needs trimesh.
     fn to_trimesh<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        interop(slf.py())?.call_method1("to_trimesh", (slf,))
+        interop_module(slf.py())?.call_method1("to_trimesh", (slf,))
     }
 
     /// The cloud as a `pyvista.PolyData`, normals too. Needs pyvista.
     fn to_pyvista<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        interop(slf.py())?.call_method1("to_pyvista", (slf,))
+        interop_module(slf.py())?.call_method1("to_pyvista", (slf,))
     }
 
     /// The cloud as a `small_gicp.PointCloud`. Needs small_gicp.
     fn to_small_gicp<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        interop(slf.py())?.call_method1("to_small_gicp", (slf,))
+        interop_module(slf.py())?.call_method1("to_small_gicp", (slf,))
     }
 
     fn __len__(&self) -> usize {
@@ -299,7 +299,7 @@ impl PyCloud {
     fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> PyResult<bool> {
         let Ok(other) = other.cast::<Self>() else { return Ok(false) };
         let other = other.get();
-        detached(py, || self.cloud == other.cloud)
+        detach(py, || self.cloud == other.cloud)
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -315,10 +315,10 @@ impl PyCloud {
             parts.push("weights".into());
         }
         parts.extend(cloud.channels().names().map(String::from));
-        if let Some((low, high)) = detached(py, || cloud.bounds())? {
-            parts.push(format!("from {} to {}", short(low), short(high)));
+        if let Some((low, high)) = detach(py, || cloud.bounds())? {
+            parts.push(format!("from {} to {}", format_position(low), format_position(high)));
         }
-        parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", short(at))));
+        parts.extend(cloud.viewpoint().map(|at| format!("seen from {}", format_position(at))));
         Ok(format!("PointCloud({})", parts.join(", ")))
     }
 
@@ -326,10 +326,10 @@ impl PyCloud {
         let py = slf.py();
         let this = slf.get();
         let Parts { points, origin, frame_origin, normals, viewpoint, dropped, no_returns, .. } =
-            detached(py, || this.cloud.parts())?;
+            detach(py, || this.cloud.parts())?;
         let dropped = (dropped, no_returns);
-        let normals = normals.map(|normals| table(py, 3, normals.into_flattened()));
-        let points = table(py, 3, points.into_flattened());
+        let normals = normals.map(|normals| to_array2(py, 3, normals.into_flattened()));
+        let points = to_array2(py, 3, points.into_flattened());
         let channels = this.cloud.channels();
         let depth = |name: &str| Some((name.to_string(), channels.color_depth(name)?.max()));
         let depths: BTreeMap<String, u16> = channels.names().filter_map(depth).collect();
@@ -351,16 +351,16 @@ impl PyCloud {
         left_out: (usize, usize),
         has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>, BTreeMap<String, u16>),
     ) -> PyResult<Self> {
-        let rows = |any: &Bound<'_, PyAny>, name| match Table::read(any, name, Some(3))? {
-            Table::F32(table) => {
+        let rows = |any: &Bound<'_, PyAny>, name| match NumericArray::read(any, name, Some(3))? {
+            NumericArray::F32(table) => {
                 let rows = table.as_slice()?.as_chunks::<3>().0;
-                detached(py, || rows.to_vec())
+                detach(py, || rows.to_vec())
             }
-            Table::F64(_) => Err(exception(Error::config(name, "float64", "is float32"))),
+            NumericArray::F64(_) => Err(to_pyerr(Error::config(name, "float64", "is float32"))),
         };
         let points = rows(points, "points")?;
         let normals = normals.map(|normals| rows(normals, "normals")).transpose()?;
-        let own = Rows::all(points.len());
+        let own = RowSelection::new(points.len());
         let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
         let channels = own.channels(&has.1, &has.2)?;
         let (dropped, no_returns) = left_out;
@@ -375,7 +375,7 @@ impl PyCloud {
             dropped,
             no_returns,
         };
-        detached(py, || Cloud::from_parts(parts))?.map(Self::from).map_err(exception)
+        detach(py, || Cloud::from_parts(parts))?.map(Self::from).map_err(to_pyerr)
     }
 }
 
@@ -387,7 +387,7 @@ fn mapping<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
     let made = any.py().get_type::<PyDict>().call1((any,));
     let made = made.ok().and_then(|made| made.cast_into::<PyDict>().ok());
     made.ok_or_else(|| {
-        let given = shown(any);
+        let given = format_value(any);
         PyTypeError::new_err(format!(
             "channels: must be {{name: numbers, one a point}}, not {given}"
         ))
@@ -395,7 +395,7 @@ fn mapping<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
 }
 
 /// Three numbers, six digits each.
-fn short(at: Vec3) -> String {
+fn format_position(at: Vec3) -> String {
     let digits = |x: f64| {
         if x.abs() >= 1e15 {
             return format!("{x:.3e}");

@@ -6,18 +6,18 @@ use pyo3::prelude::*;
 
 use super::cloud::PyCloud;
 use super::errors::ShapeError;
-use super::gil::released;
+use super::gil::run_interruptible;
 use super::interop::BadRows;
 use cfreg::cloud::PointCloud;
 use cfreg::io;
 
 /// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one, a file too.
-pub(super) enum AnyCloud<'py> {
+pub(super) enum CloudArg<'py> {
     Given(Bound<'py, PyCloud>),
     Made(Box<PointCloud>),
 }
 
-impl<'py> AnyCloud<'py> {
+impl<'py> CloudArg<'py> {
     /// `name` is what errors call the cloud; `normals` take the place of its own. Where bad rows
     /// are refused, rows have numbers, which those of a file have not.
     pub(super) fn read(
@@ -26,19 +26,19 @@ impl<'py> AnyCloud<'py> {
         normals: Option<&Bound<'py, PyAny>>,
         bad_rows: BadRows,
     ) -> PyResult<Self> {
-        let boxed = |made| AnyCloud::Made(Box::new(made));
+        let boxed = |made| CloudArg::Made(Box::new(made));
         match (any.cast::<PyCloud>(), normals) {
-            (Ok(given), None) => Ok(AnyCloud::Given(given.clone())),
+            (Ok(given), None) => Ok(CloudArg::Given(given.clone())),
             (_, None) if bad_rows == BadRows::Drop => match any.extract::<PathBuf>() {
-                Ok(path) => released(any.py(), || io::read(&path)).map(boxed),
-                Err(_) => PyCloud::made(any, name, None, bad_rows).map(boxed),
+                Ok(path) => run_interruptible(any.py(), || io::read(&path)).map(boxed),
+                Err(_) => PyCloud::from_any(any, name, None, bad_rows).map(boxed),
             },
-            _ => PyCloud::made(any, name, normals, bad_rows).map(boxed),
+            _ => PyCloud::from_any(any, name, normals, bad_rows).map(boxed),
         }
     }
 
     /// A cloud whose points are named by their rows in what was handed over.
-    pub(super) fn by_rows(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
+    pub(super) fn read_indexed(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
         let cloud = Self::read(any, name, None, BadRows::Refuse)?;
         match cloud.get().dropped() {
             0 => Ok(cloud),
@@ -53,8 +53,8 @@ impl<'py> AnyCloud<'py> {
     /// The cloud.
     pub(super) fn get(&self) -> &PointCloud {
         match self {
-            AnyCloud::Given(given) => given.get().cloud(),
-            AnyCloud::Made(cloud) => cloud,
+            CloudArg::Given(given) => given.get().cloud(),
+            CloudArg::Made(cloud) => cloud,
         }
     }
 }

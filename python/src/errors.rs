@@ -3,14 +3,14 @@
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyOverflowError, PyValueError};
 use pyo3::prelude::*;
 
-use super::arrays::interop;
+use super::arrays::interop_module;
 use cfreg::error::Error as Failure;
 
 /// Most characters of a user's value in a message. Chosen by hand: a line of a terminal.
-const LONGEST_VALUE: usize = 80;
+const MAX_VALUE_CHARS: usize = 80;
 /// Most characters of a message's own words, which may have a value in them, as those of serde do.
 /// Chosen by hand: the longest list of settings that a method has fits.
-const LONGEST_RULE: usize = 600;
+const MAX_RULE_CHARS: usize = 600;
 
 pyo3::create_exception!(cfreg, Error, PyValueError, "What all errors of cfreg's own are.");
 pyo3::create_exception!(cfreg, RegistrationError, Error, "The clouds do not determine an answer.");
@@ -66,7 +66,7 @@ pyo3::create_exception!(
 );
 
 /// The exception for `error`, with its message.
-pub(super) fn exception(error: Failure) -> PyErr {
+pub(super) fn to_pyerr(error: Failure) -> PyErr {
     match error {
         // Three arguments make the subclass that belongs to the number: FileNotFoundError.
         Failure::Io { path, source } => match source.raw_os_error() {
@@ -78,41 +78,41 @@ pub(super) fn exception(error: Failure) -> PyErr {
             None => PyOSError::new_err(format!("{}: {source}", path.display())),
         },
         Failure::Setting { name, value, rule } => {
-            let name = shortened(&name);
-            SettingError::new_err(setting(&name, &value, &rule))
+            let name = shorten(&name);
+            SettingError::new_err(setting_message(&name, &value, &rule))
         }
         Failure::Config { field, value, rule } => {
-            SettingError::new_err(setting(field, &value, &rule))
+            SettingError::new_err(setting_message(field, &value, &rule))
         }
-        error => worded(&error, error.to_string()),
+        error => error_with_message(&error, error.to_string()),
     }
 }
 
 /// The exception for a setting that JSON does not have as it should be.
-pub(super) fn refused(argument: &str, error: serde_json::Error) -> PyErr {
-    let message = ends(&error.to_string(), LONGEST_RULE);
+pub(super) fn settings_error(argument: &str, error: serde_json::Error) -> PyErr {
+    let message = truncate_middle(&error.to_string(), MAX_RULE_CHARS);
     SettingError::new_err(format!("{argument}: {message}"))
 }
 
 /// A message about a setting, its value cut to a line.
-fn setting(name: &str, value: &str, rule: &str) -> String {
-    let (value, rule) = (shortened(value), ends(rule, LONGEST_RULE));
+fn setting_message(name: &str, value: &str, rule: &str) -> String {
+    let (value, rule) = (shorten(value), truncate_middle(rule, MAX_RULE_CHARS));
     format!("{name} = {value}: {rule}")
 }
 
 /// A value as messages have it: of an array its type, shape and first numbers.
-pub(super) fn shown(any: &Bound<'_, PyAny>) -> String {
-    let shown = interop(any.py()).and_then(|interop| interop.call_method1("shown", (any,)));
+pub(super) fn format_value(any: &Bound<'_, PyAny>) -> String {
+    let shown = interop_module(any.py()).and_then(|interop| interop.call_method1("shown", (any,)));
     shown.and_then(|text| text.extract()).unwrap_or_else(|_| "a value without words".into())
 }
 
 /// A text as messages have it: its ends, where it is longer than a line.
-pub(super) fn shortened(text: &str) -> String {
-    ends(text, LONGEST_VALUE)
+pub(super) fn shorten(text: &str) -> String {
+    truncate_middle(text, MAX_VALUE_CHARS)
 }
 
 /// `text`, or its ends where it is longer than `most` characters.
-fn ends(text: &str, most: usize) -> String {
+fn truncate_middle(text: &str, most: usize) -> String {
     let count = text.chars().count();
     if count <= most {
         return text.into();
@@ -124,19 +124,19 @@ fn ends(text: &str, most: usize) -> String {
 }
 
 /// The exception for an `error` about the argument of that name.
-pub(super) fn about(argument: &str, error: Failure) -> PyErr {
+pub(super) fn argument_error(argument: &str, error: Failure) -> PyErr {
     match &error {
         // Settings may have another name in the structs.
         Failure::Config { value, rule, .. } => {
-            SettingError::new_err(setting(argument, value, rule))
+            SettingError::new_err(setting_message(argument, value, rule))
         }
-        Failure::NonFinite { index, .. } => non_finite(argument, *index),
-        other => worded(other, format!("{argument}: {other}")),
+        Failure::NonFinite { index, .. } => non_finite_error(argument, *index),
+        other => error_with_message(other, format!("{argument}: {other}")),
     }
 }
 
 /// The class that belongs to `error`, with this message.
-fn worded(error: &Failure, message: String) -> PyErr {
+fn error_with_message(error: &Failure, message: String) -> PyErr {
     match error {
         Failure::TooFewPoints { .. } => TooFewPointsError::new_err(message),
         Failure::NoWeight { .. } => NoWeightError::new_err(message),
@@ -152,7 +152,7 @@ fn worded(error: &Failure, message: String) -> PyErr {
 }
 
 /// The exception for a NaN or infinity in a row of an array.
-pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
+pub(super) fn non_finite_error(argument: &str, row: usize) -> PyErr {
     NonFiniteError::new_err(format!(
         "{argument} has a NaN or infinite value in row {row}: remove or repair it first"
     ))
@@ -160,12 +160,12 @@ pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
 
 /// A whole number of any size; beyond those of 64 bits the largest or the least of these.
 pub(super) fn whole(any: &Bound<'_, PyAny>) -> PyResult<i64> {
-    any.extract().or_else(|error| beyond(any, error, [i64::MIN, i64::MAX]))
+    any.extract().or_else(|error| saturate(any, error, [i64::MIN, i64::MAX]))
 }
 
 /// A number of any size; beyond those of 64 bits an infinity.
 pub(super) fn real(any: &Bound<'_, PyAny>) -> PyResult<f64> {
-    any.extract().or_else(|error| beyond(any, error, [f64::NEG_INFINITY, f64::INFINITY]))
+    any.extract().or_else(|error| saturate(any, error, [f64::NEG_INFINITY, f64::INFINITY]))
 }
 
 /// The same, or None.
@@ -174,7 +174,7 @@ pub(super) fn optional_real(any: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
 }
 
 /// The least or the largest for what is beyond, another error as it is.
-fn beyond<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> PyResult<T> {
+fn saturate<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> PyResult<T> {
     match error.is_instance_of::<PyOverflowError>(any.py()) {
         true => Ok(if any.lt(0)? { least } else { largest }),
         false => Err(error),
@@ -182,7 +182,7 @@ fn beyond<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> 
 }
 
 /// A number of things that Python gave as an integer of any sign.
-pub(super) fn count(argument: &'static str, value: i64) -> PyResult<usize> {
-    let negative = |_| exception(Failure::config(argument, value, "must not be negative"));
+pub(super) fn parse_count(argument: &'static str, value: i64) -> PyResult<usize> {
+    let negative = |_| to_pyerr(Failure::config(argument, value, "must not be negative"));
     usize::try_from(value).map_err(negative)
 }

@@ -5,10 +5,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 
-use super::arrays::{column_for, interop, place, table};
-use super::cloud_arg::AnyCloud;
-use super::errors::{about, count, exception, refused, shortened, shown, whole};
-use super::gil::released;
+use super::arrays::{interop_module, parse_vec3, to_array2, values_for_points};
+use super::cloud_arg::CloudArg;
+use super::errors::{
+    argument_error, format_value, parse_count, settings_error, shorten, to_pyerr, whole,
+};
+use super::gil::run_interruptible;
 use super::interop::BadRows;
 use cfreg::cloud::PointCloud;
 use cfreg::descriptor::{self, BINS};
@@ -61,11 +63,11 @@ pub(super) fn estimate_normals<'py>(
     #[pyo3(from_py_with = whole)] neighbors: i64,
     viewpoint: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<NormalsAndCurvature<'py>> {
-    let describe = describe(neighbors, viewpoint)?;
-    let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
+    let describe = feature_config(neighbors, viewpoint)?;
+    let cloud = CloudArg::read(points, "points", None, BadRows::Refuse)?;
     let cloud = cloud.get();
-    let normals = released(py, || Ok(neighborhoods(cloud, &describe)?.1))?;
-    let vectors = table(py, 3, normals.vectors.into_flattened());
+    let normals = run_interruptible(py, || Ok(neighbors_and_normals(cloud, &describe)?.1))?;
+    let vectors = to_array2(py, 3, normals.vectors.into_flattened());
     Ok((vectors, PyArray1::from_vec(py, normals.curvature)))
 }
 
@@ -111,22 +113,23 @@ pub(super) fn keypoints<'py>(
 ) -> PyResult<Bound<'py, PyArray1<u64>>> {
     let settings: Value = match settings {
         Some(settings) => {
-            let json: String = interop(py)?.call_method1("to_json", (settings,))?.extract()?;
+            let json: String =
+                interop_module(py)?.call_method1("to_json", (settings,))?.extract()?;
             serde_json::from_str(&json).unwrap_or_default()
         }
         None => json!({}),
     };
     let detector: Keypoints = serde_json::from_value(json!({ detector: settings }))
-        .map_err(|error| refused(&format!("detector = {}", shortened(detector)), error))?;
-    let cloud = AnyCloud::read(points, "points", None, BadRows::Refuse)?;
+        .map_err(|error| settings_error(&format!("detector = {}", shorten(detector)), error))?;
+    let cloud = CloudArg::read(points, "points", None, BadRows::Refuse)?;
     let cloud = cloud.get();
-    let column = |values| column_for(values, "values", cloud.len(), "points");
+    let column = |values| values_for_points(values, "values", cloud.len(), "points");
     let values = values.map(column).transpose()?;
     let values = values.map(|values| values.iter().map(|&x| x as f32).collect::<Vec<_>>());
-    let found = released(py, || match &values {
+    let found = run_interruptible(py, || match &values {
         Some(values) => detector.detect(cloud.points(), values),
         None => {
-            let (_, normals) = neighborhoods(cloud, &FeatureConfig::default())?;
+            let (_, normals) = neighbors_and_normals(cloud, &FeatureConfig::default())?;
             detector.detect(cloud.points(), &normals.curvature)
         }
     })?;
@@ -175,37 +178,40 @@ pub(super) fn fpfh<'py>(
     viewpoint: Option<&Bound<'py, PyAny>>,
     normals: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let mut describe = describe(neighbors, viewpoint)?;
-    describe.histogram = scale.parse().map_err(|error| about("scale", error))?;
+    let mut describe = feature_config(neighbors, viewpoint)?;
+    describe.histogram = scale.parse().map_err(|error| argument_error("scale", error))?;
     if normals.is_some() {
         if let Some(at) = viewpoint {
             let rule = "orients estimated normals, but normals were given: leave one out";
-            return Err(exception(Error::config("viewpoint", shown(at), rule)));
+            return Err(to_pyerr(Error::config("viewpoint", format_value(at), rule)));
         }
         describe.orientation = Orientation::Stored;
     }
-    let cloud = AnyCloud::read(points, "points", normals, BadRows::Refuse)?;
+    let cloud = CloudArg::read(points, "points", normals, BadRows::Refuse)?;
     let cloud = cloud.get();
-    let described = released(py, || {
-        let (neighbors, normals) = neighborhoods(cloud, &describe)?;
+    let described = run_interruptible(py, || {
+        let (neighbors, normals) = neighbors_and_normals(cloud, &describe)?;
         descriptor::fpfh(cloud.points(), &normals.vectors, &neighbors, describe.histogram)
     })?;
-    Ok(table(py, BINS, described.into_values()))
+    Ok(to_array2(py, BINS, described.into_values()))
 }
 
 /// The crate's defaults with what was given.
-fn describe(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<FeatureConfig> {
+fn feature_config(neighbors: i64, viewpoint: Option<&Bound<'_, PyAny>>) -> PyResult<FeatureConfig> {
     let mut describe = FeatureConfig {
-        neighborhood: Neighborhood::Nearest(count("neighbors", neighbors)?),
+        neighborhood: Neighborhood::Nearest(parse_count("neighbors", neighbors)?),
         ..FeatureConfig::default()
     };
     if let Some(at) = viewpoint {
-        describe.orientation = Orientation::Towards(place(at, "viewpoint")?);
+        describe.orientation = Orientation::Towards(parse_vec3(at, "viewpoint")?);
     }
     Ok(describe)
 }
 
-fn neighborhoods(cloud: &PointCloud, describe: &FeatureConfig) -> Result<(Neighbors, Normals)> {
+fn neighbors_and_normals(
+    cloud: &PointCloud,
+    describe: &FeatureConfig,
+) -> Result<(Neighbors, Normals)> {
     let neighbors = Neighbors::find(cloud.points(), describe.neighborhood)?;
     let normals = normals::estimate(cloud, &neighbors, describe.orientation)?;
     Ok((neighbors, normals))

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 
 use super::cloud::PyCloud;
-use super::cloud_arg::AnyCloud;
-use super::gil::released;
+use super::cloud_arg::CloudArg;
+use super::gil::run_interruptible;
 use super::interop::BadRows;
 use cfreg::io;
 
@@ -37,7 +37,7 @@ use cfreg::io;
 /// PointCloud(3 points, from [0, 0, 0] to [1, 1, 1])
 #[pyfunction]
 pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
-    released(py, || io::read(path)).map(PyCloud::from)
+    run_interruptible(py, || io::read(path)).map(PyCloud::from)
 }
 
 /// Writes a cloud to a file; the extension says the format: .ply .pcd .xyz .txt .csv.
@@ -59,7 +59,7 @@ pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
 /// OSError : the system refuses; a file that was there before is as it was
 #[pyfunction]
 pub(super) fn write(py: Python<'_>, path: PathBuf, cloud: &Bound<'_, PyAny>) -> PyResult<()> {
-    let cloud = AnyCloud::read(cloud, "cloud", None, BadRows::Drop)?;
+    let cloud = CloudArg::read(cloud, "cloud", None, BadRows::Drop)?;
     let cloud = cloud.get();
-    released(py, || io::write(path, cloud))
+    run_interruptible(py, || io::write(path, cloud))
 }

@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 
-use super::errors::exception;
+use super::errors::to_pyerr;
 use super::panics;
-use super::shutdown::{detached, ending};
+use super::shutdown::{detach, is_shutting_down};
 use cfreg::error::{Error, Result};
 use cfreg::par::{self, Interrupt};
 
 /// How long a signal waits at most before it is looked at.
-const PATIENCE: Duration = Duration::from_millis(50);
+const SIGNAL_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// On whose threads loops run.
 #[derive(Clone, Copy, PartialEq)]
@@ -28,15 +28,15 @@ pub(super) enum Pool {
 /// Runs `work` in a thread of its own while this one, without the interpreter, waits for it
 /// and looks after signals: other Python threads go on, and Ctrl-C ends the work. A panic in it
 /// becomes an exception.
-pub(super) fn released<T: Send>(
+pub(super) fn run_interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T> + Send,
 ) -> PyResult<T> {
-    released_on(py, Pool::Shared, work)
+    run_interruptible_on(py, Pool::Shared, work)
 }
 
-/// [`released`] with loops on the threads of `pool`.
-pub(super) fn released_on<T: Send>(
+/// [`run_interruptible`] with loops on the threads of `pool`.
+pub(super) fn run_interruptible_on<T: Send>(
     py: Python<'_>,
     pool: Pool,
     work: impl FnOnce() -> Result<T> + Send,
@@ -48,20 +48,22 @@ pub(super) fn released_on<T: Send>(
     let pool = if par::in_pool() { Pool::Own } else { pool };
     let worker = move || {
         // Nobody waits for an answer after an interrupt.
-        let _ = send.send(within.guard(|| on_live_threads(pool, work)));
+        let _ = send.send(within.guard(|| with_live_threads(pool, work)));
     };
-    detached(py, move || {
+    detach(py, move || {
         std::thread::scope(|scope| {
             let worker = std::thread::Builder::new()
                 .name("cfreg".into())
                 .spawn_scoped(scope, worker)
-                .map_err(|source| exception(Error::io("a new thread", source)))?;
+                .map_err(|source| to_pyerr(Error::io("a new thread", source)))?;
             loop {
-                match receive.recv_timeout(PATIENCE) {
-                    Ok(answer) => return answer.flatten().flatten().map_err(exception),
-                    Err(RecvTimeoutError::Timeout) if par::is_interrupt_requested() || ending() => {
+                match receive.recv_timeout(SIGNAL_POLL_INTERVAL) {
+                    Ok(answer) => return answer.flatten().flatten().map_err(to_pyerr),
+                    Err(RecvTimeoutError::Timeout)
+                        if par::is_interrupt_requested() || is_shutting_down() =>
+                    {
                         interrupt.request();
-                        return Err(exception(Error::Interrupted));
+                        return Err(to_pyerr(Error::Interrupted));
                     }
                     Err(RecvTimeoutError::Timeout) => {
                         // Handlers run in the main thread only; elsewhere this does nothing.
@@ -70,7 +72,7 @@ pub(super) fn released_on<T: Send>(
                     }
                     Err(RecvTimeoutError::Disconnected) => {
                         let panic = worker.join().err();
-                        return Err(panics::exception(
+                        return Err(panics::panic_to_pyerr(
                             panic.unwrap_or_else(|| Box::new("no answer")),
                         ));
                     }
@@ -83,10 +85,10 @@ pub(super) fn released_on<T: Send>(
 
 /// Runs `work` on threads that will take it up: new ones, too, in a process that was forked,
 /// as `multiprocessing` does, where the shared ones are not.
-fn on_live_threads<T: Send>(pool: Pool, work: impl FnOnce() -> T + Send) -> Result<T> {
-    static FIRST: OnceLock<u32> = OnceLock::new();
+fn with_live_threads<T: Send>(pool: Pool, work: impl FnOnce() -> T + Send) -> Result<T> {
+    static FIRST_PROCESS: OnceLock<u32> = OnceLock::new();
     let process = std::process::id();
-    let shared = pool == Pool::Shared && *FIRST.get_or_init(|| process) == process;
+    let shared = pool == Pool::Shared && *FIRST_PROCESS.get_or_init(|| process) == process;
     let all = || std::thread::available_parallelism().map_or(1, usize::from);
     par::with_threads(if shared { 0 } else { all() }, work)
 }

@@ -5,11 +5,11 @@ use pyo3::PyTypeInfo;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Table, interop};
+use super::arrays::{NumericArray, interop_module};
 use super::cloud::PyCloud;
-use super::errors::{ShapeError, about, exception};
-use super::rows::Rows;
-use super::shutdown::detached;
+use super::errors::{ShapeError, argument_error, to_pyerr};
+use super::rows::RowSelection;
+use super::shutdown::detach;
 use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 use cfreg::math::Vec3;
 
@@ -24,7 +24,7 @@ pub(super) enum BadRows {
 
 /// The cloud that `any` stands for; `name` is what errors call it, `normals` take the place of
 /// its own.
-pub(super) fn read<'py>(
+pub(super) fn read_cloud<'py>(
     any: &Bound<'py, PyAny>,
     name: &str,
     normals: Option<&Bound<'py, PyAny>>,
@@ -34,28 +34,28 @@ pub(super) fn read<'py>(
     let (points, own): (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>) =
         match any.get_type().is(PyUntypedArray::type_object(py)) {
             true => (any.clone(), None),
-            false => interop(py)?.call_method1("parts", (any, name))?.extract()?,
+            false => interop_module(py)?.call_method1("parts", (any, name))?.extract()?,
         };
-    let points = Table::read(&points, name, Some(3))?;
+    let points = NumericArray::read(&points, name, Some(3))?;
     if bad_rows == BadRows::Refuse {
         points.check_finite(py, name)?;
     }
     let Some(normals) = normals.or(own.as_ref()) else {
         let cloud = match &points {
-            Table::F32(table) => {
+            NumericArray::F32(table) => {
                 let rows = table.as_slice()?.as_chunks().0;
-                detached(py, || PointCloud::from_f32(rows))?
+                detach(py, || PointCloud::from_f32(rows))?
             }
-            Table::F64(table) => {
+            NumericArray::F64(table) => {
                 let rows = table.as_slice()?.as_chunks().0;
-                detached(py, || PointCloud::new(rows))?
+                detach(py, || PointCloud::new(rows))?
             }
         };
-        let cloud = cloud.map_err(|error| about(name, error))?;
+        let cloud = cloud.map_err(|error| argument_error(name, error))?;
         return with_attributes(cloud, any);
     };
-    let normals = interop(py)?.call_method1("normals", (normals,))?;
-    let normals = Table::read(&normals, "normals", Some(3))?;
+    let normals = interop_module(py)?.call_method1("normals", (normals,))?;
+    let normals = NumericArray::read(&normals, "normals", Some(3))?;
     if bad_rows == BadRows::Refuse {
         normals.check_finite(py, "normals")?;
     }
@@ -63,19 +63,24 @@ pub(super) fn read<'py>(
     let (points, normals) = (points.as_chunks().0, normals.as_chunks().0);
     if points.len() != normals.len() {
         let (expected, found) = (points.len(), normals.len());
-        let hint = left_out(any, name, points, found);
+        let hint = dropped_rows_hint(any, name, points, found);
         return Err(ShapeError::new_err(format!(
             "normals: expected {expected} rows, as {name} has, found {found}{hint}"
         )));
     }
-    let cloud = detached(py, || PointCloud::with_normals(points, normals))?;
-    let cloud = cloud.map_err(|error| about(name, error))?;
+    let cloud = detach(py, || PointCloud::with_normals(points, normals))?;
+    let cloud = cloud.map_err(|error| argument_error(name, error))?;
     with_attributes(cloud, any)
 }
 
 /// A hint where normals seem to be those of the points without, or with, the rows that a cloud leaves
 /// out.
-fn left_out(any: &Bound<'_, PyAny>, name: &str, points: &[Vec3], normals: usize) -> String {
+fn dropped_rows_hint(
+    any: &Bound<'_, PyAny>,
+    name: &str,
+    points: &[Vec3],
+    normals: usize,
+) -> String {
     let bad = points.iter().filter(|point| point.iter().any(|x| !x.is_finite())).count();
     let dropped = any.cast::<PyCloud>().map_or(0, |given| given.get().cloud().dropped());
     if bad > 0 && normals + bad == points.len() {
@@ -99,18 +104,18 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
     if any.get_type().is(PyUntypedArray::type_object(py)) || any.cast::<PyCloud>().is_ok() {
         return Ok(cloud);
     }
-    let found = interop(py)?.call_method1("attributes", (any,))?;
+    let found = interop_module(py)?.call_method1("attributes", (any,))?;
     let (weights, columns): (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>) = found.extract()?;
     if weights.is_none() && columns.is_empty() {
         return Ok(cloud);
     }
-    let rows = Rows::of(any, &cloud)?;
+    let rows = RowSelection::from_points(any, &cloud)?;
     let mut cloud = cloud;
     // Nobody has asked for these: those that a cloud cannot have are left out.
     if let Some(weights) = weights {
         let weights = rows.column(&weights, "weights")?;
         if weights.iter().all(|w| w.is_finite() && *w >= 0.0) && weights.iter().any(|w| *w > 0.0) {
-            cloud = cloud.with_weights(weights).map_err(exception)?;
+            cloud = cloud.with_weights(weights).map_err(to_pyerr)?;
         }
     }
     let mut channels = Channels::default();
@@ -127,7 +132,7 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
             true => channels.with_color(&name, column, ColorDepth::Eight),
             false => channels.with(&name, column),
         }
-        .map_err(exception)?;
+        .map_err(to_pyerr)?;
     }
-    cloud.with_channels(channels).map_err(exception)
+    cloud.with_channels(channels).map_err(to_pyerr)
 }

@@ -64,7 +64,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        super::panics::note_places();
+        super::panics::install_panic_hook();
         #[cfg(debug_assertions)]
         super::panics::register(module)?;
         super::shutdown::register(module)

@@ -6,17 +6,20 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::arrays::{as_array, column_for, descriptors, pose, read_only, table, table_for};
-use super::cloud_arg::AnyCloud;
-use super::errors::{
-    self, SettingError, ShapeError, about, count, exception, real, refused, shown, whole,
+use super::arrays::{
+    array_for_points, as_array, descriptors, parse_pose, read_only, to_array2, values_for_points,
 };
-use super::gil::{released, released_on};
+use super::cloud_arg::CloudArg;
+use super::errors::{
+    self, SettingError, ShapeError, argument_error, format_value, parse_count, real,
+    settings_error, to_pyerr, whole,
+};
+use super::gil::{run_interruptible, run_interruptible_on};
 use super::interop::BadRows;
-use super::panics::caught;
+use super::panics::catch_panic;
 use super::registration::to_json;
-use super::shutdown::detached;
-use super::weights::{OwnWeights, Weights};
+use super::shutdown::detach;
+use super::weights::{CustomWeights, Weights};
 use cfreg::cloud::{Descriptors, PointCloud};
 use cfreg::error::Error;
 use cfreg::math::Vec3;
@@ -58,17 +61,17 @@ impl Moments {
 
     #[getter]
     fn source_sum<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.0.source_sum)
+        to_array1(py, self.0.source_sum)
     }
 
     #[getter]
     fn target_sum<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.0.target_sum)
+        to_array1(py, self.0.target_sum)
     }
 
     #[getter]
     fn cross<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        read_only(table(py, 3, self.0.cross.as_flattened().to_vec()))
+        read_only(to_array2(py, 3, self.0.cross.as_flattened().to_vec()))
     }
 
     #[getter]
@@ -83,12 +86,12 @@ impl Moments {
 
     #[getter]
     fn source_origin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.0.source_origin)
+        to_array1(py, self.0.source_origin)
     }
 
     #[getter]
     fn target_origin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(py, self.0.target_origin)
+        to_array1(py, self.0.target_origin)
     }
 
     #[getter]
@@ -101,8 +104,8 @@ impl Moments {
     /// transform : (4, 4), T_target_source: rotation times scale, and translation.
     /// ValueError where it is no such matrix.
     fn residual(&self, transform: &Bound<'_, PyAny>) -> PyResult<f64> {
-        let transform = pose(transform, "transform")?;
-        caught(|| self.0.residual(&transform))
+        let transform = parse_pose(transform, "transform")?;
+        catch_panic(|| self.0.residual(&transform))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
@@ -113,7 +116,7 @@ impl Moments {
     /// Moments from their pickle.
     #[staticmethod]
     fn _from_json(json: &str) -> PyResult<Self> {
-        serde_json::from_str(json).map(Moments).map_err(|error| refused("json", error))
+        serde_json::from_str(json).map(Moments).map_err(|error| settings_error("json", error))
     }
 
     fn __repr__(&self) -> String {
@@ -126,7 +129,7 @@ impl Moments {
     }
 }
 
-fn vector(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
+fn to_array1(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
     read_only(PyArray1::from_slice(py, &values))
 }
 
@@ -210,55 +213,58 @@ pub(super) fn moments(
         Some(weights) => Weights::read(weights, "weights")?,
         None => Weights::Named(Cf::default().weights),
     };
-    let beta = beta.map(bandwidth).transpose()?;
-    if matches!(weights, Weights::Own(_)) && beta.is_some() {
+    let beta = beta.map(parse_bandwidth).transpose()?;
+    if matches!(weights, Weights::Custom(_)) && beta.is_some() {
         return named("beta");
     }
     let (weights, beta) = match weights {
         // A kernel alone is its name and its bandwidth.
-        Weights::Own(OwnWeights::Composite(Composite::Kernel { kernel, beta })) => {
+        Weights::Custom(CustomWeights::Composite(Composite::Kernel { kernel, beta })) => {
             (Weights::Named(kernel), beta)
         }
         weights => (weights, beta.unwrap_or_else(|| Cf::default().bandwidth())),
     };
-    if matches!(weights, Weights::Own(_)) && tolerance != 0.0 {
+    if matches!(weights, Weights::Custom(_)) && tolerance != 0.0 {
         return named("tolerance");
     }
-    let normalize: Normalization = normalize.parse().map_err(|error| about("normalize", error))?;
-    let threads = count("threads", threads)?;
-    let source = AnyCloud::read(source_points, "source_points", None, BadRows::Refuse)?;
-    let target = AnyCloud::read(target_points, "target_points", None, BadRows::Refuse)?;
+    let normalize: Normalization =
+        normalize.parse().map_err(|error| argument_error("normalize", error))?;
+    let threads = parse_count("threads", threads)?;
+    let source = CloudArg::read(source_points, "source_points", None, BadRows::Refuse)?;
+    let target = CloudArg::read(target_points, "target_points", None, BadRows::Refuse)?;
     let (source, target) = (source.get(), target.get());
-    let from = table_for(source_descriptors, "source_descriptors", source.len(), "source_points")?;
-    let to = table_for(target_descriptors, "target_descriptors", target.len(), "target_points")?;
+    let from =
+        array_for_points(source_descriptors, "source_descriptors", source.len(), "source_points")?;
+    let to =
+        array_for_points(target_descriptors, "target_descriptors", target.len(), "target_points")?;
     let [from, to] = descriptors(py, &from, &to)?;
-    let connection = || FullConnection::new(side(source, &from), side(target, &to));
+    let connection = || FullConnection::new(feature_view(source, &from), feature_view(target, &to));
     let sums = match &weights {
-        Weights::Named(scheme) => released(py, || {
+        Weights::Named(scheme) => run_interruptible(py, || {
             par::with_threads(threads, || {
                 let connection = connection()?;
                 let beta = connection.bandwidth(beta)?;
                 connection.pruned_moments(*scheme, beta, normalize, tolerance)
             })?
         }),
-        Weights::Own(own) => own.blamed(released_on(py, own.pool(), || {
+        Weights::Custom(own) => own.reraise(run_interruptible_on(py, own.pool(), || {
             par::with_threads(threads, || own.moments(&connection()?, normalize))?
         })),
     };
     sums.map(Moments)
 }
 
-fn side<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
+fn feature_view<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
     FeatureView { points: cloud.points(), origin: cloud.origin(), descriptors }
 }
 
 /// A bandwidth: a number, or how to find it.
-fn bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
+fn parse_bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
     if let Ok(number) = real(any) {
         return Ok(number.into());
     }
-    let text = any.extract::<String>().unwrap_or_else(|_| shown(any));
-    text.parse().map_err(|error| about("beta", error))
+    let text = any.extract::<String>().unwrap_or_else(|_| format_value(any));
+    text.parse().map_err(|error| argument_error("beta", error))
 }
 
 /// Sum over pairs that are listed: correspondences of one's own.
@@ -296,13 +302,13 @@ pub(super) fn moments_of_pairs(
     pairs: &Bound<'_, PyAny>,
     weights: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Moments> {
-    let source = AnyCloud::by_rows(source_points, "source_points")?;
-    let target = AnyCloud::by_rows(target_points, "target_points")?;
+    let source = CloudArg::read_indexed(source_points, "source_points")?;
+    let target = CloudArg::read_indexed(target_points, "target_points")?;
     let pairs = index_pairs(pairs, "pairs")?;
-    let column = |weights| column_for(weights, "weights", pairs.len(), "pairs");
+    let column = |weights| values_for_points(weights, "weights", pairs.len(), "pairs");
     let weights = weights.map(column).transpose()?;
     let (source, target) = (source.get(), target.get());
-    let sums = released(py, || {
+    let sums = run_interruptible(py, || {
         let weight = |at| weights.as_ref().map_or(1.0, |w| w[at]);
         let weighed = |(at, &(source, target))| WeightedPair { source, target, weight: weight(at) };
         let pairs: Vec<WeightedPair> = pairs.iter().enumerate().map(weighed).collect();
@@ -339,7 +345,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
     let rows = array.call_method1("astype", (dtype::<i64>(py), "C"))?;
     let rows = rows.cast::<PyArray2<i64>>()?.try_readonly()?;
     let rows = rows.as_slice()?.as_chunks::<2>().0;
-    detached(py, || {
+    detach(py, || {
         let index = |index: i64| u32::try_from(index).map_err(|_| index);
         rows.iter().map(|&[a, b]| Ok((index(a)?, index(b)?))).collect::<Result<_, i64>>()
     })?
@@ -375,23 +381,23 @@ pub(super) fn solve<'py>(
     scale: &str,
     prior: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let prior = prior.map(known).transpose()?.unwrap_or_default();
-    let solver: Solver = solver.parse().map_err(|error| about("solver", error))?;
-    let scale: ScaleEstimate = scale.parse().map_err(|error| about("scale", error))?;
+    let prior = prior.map(parse_prior).transpose()?.unwrap_or_default();
+    let solver: Solver = solver.parse().map_err(|error| argument_error("solver", error))?;
+    let scale: ScaleEstimate = scale.parse().map_err(|error| argument_error("scale", error))?;
     // Some microseconds: no need to let others run.
-    let solution = caught(|| solved(&moments.get().0, solver, scale, &prior))?;
-    let solution = solution.map_err(exception)?;
-    Ok(table(py, 4, solution.transform.matrix().concat()))
+    let solution = catch_panic(|| solved(&moments.get().0, solver, scale, &prior))?;
+    let solution = solution.map_err(to_pyerr)?;
+    Ok(to_array2(py, 4, solution.transform.matrix().concat()))
 }
 
 /// A `cfreg.Prior`, by its facts in JSON.
-fn known(prior: &Bound<'_, PyAny>) -> PyResult<Prior> {
+fn parse_prior(prior: &Bound<'_, PyAny>) -> PyResult<Prior> {
     let class = prior.py().import("cfreg")?.getattr("Prior")?;
     if !prior.is_instance(&class)? {
-        let given = shown(prior);
+        let given = format_value(prior);
         return Err(PyTypeError::new_err(format!("prior: a cfreg.Prior is needed, not {given}")));
     }
     let facts = prior.call_method0("_facts")?;
     let text: String = prior.py().import("json")?.call_method1("dumps", (facts,))?.extract()?;
-    serde_json::from_str(&text).map_err(|error| refused("prior", error))
+    serde_json::from_str(&text).map_err(|error| settings_error("prior", error))
 }

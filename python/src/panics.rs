@@ -14,14 +14,14 @@ use super::errors::InternalError;
 
 /// Where the last panic of the process was. A panic may travel from a thread of a pool to the one
 /// that waits for it, and has lost its place there.
-static PLACE: Mutex<Option<String>> = Mutex::new(None);
+static PANIC_LOCATION: Mutex<Option<String>> = Mutex::new(None);
 
 /// Has panics note their place and print nothing, unless `RUST_BACKTRACE` asks for it.
-pub(super) fn note_places() {
+pub(super) fn install_panic_hook() {
     let printing = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
         let place = panic.location().map(ToString::to_string);
-        *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = place;
+        *PANIC_LOCATION.lock().unwrap_or_else(PoisonError::into_inner) = place;
         if env::var_os("RUST_BACKTRACE").is_some_and(|asked| asked != "0") {
             printing(panic);
         }
@@ -29,16 +29,16 @@ pub(super) fn note_places() {
 }
 
 /// Runs `work`; a panic in it becomes an exception.
-pub(super) fn caught<T>(work: impl FnOnce() -> T) -> PyResult<T> {
+pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> PyResult<T> {
     // What `work` held when it panicked is dropped, and seen by nobody.
-    catch_unwind(AssertUnwindSafe(work)).map_err(exception)
+    catch_unwind(AssertUnwindSafe(work)).map_err(panic_to_pyerr)
 }
 
 /// The exception for what a thread panicked with.
-pub(super) fn exception(panic: Box<dyn Any + Send>) -> PyErr {
+pub(super) fn panic_to_pyerr(panic: Box<dyn Any + Send>) -> PyErr {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-    let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let place = PANIC_LOCATION.lock().unwrap_or_else(PoisonError::into_inner).take();
     let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
     InternalError::new_err(format!("a bug in cfreg, please report it: {text}{place}"))
 }
@@ -55,16 +55,16 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 #[pyo3(name = "_panic")]
 fn panic_for_tests(py: Python<'_>, place: &str) -> PyResult<()> {
     match place {
-        "work" => super::gil::released(py, || {
+        "work" => super::gil::run_interruptible(py, || {
             fail(place);
             Ok(())
         }),
-        "loop" => super::gil::released(py, || {
+        "loop" => super::gil::run_interruptible(py, || {
             cfreg::par::map(64, || (), |_, _| fail(place));
             Ok(())
         }),
-        "detached" => super::shutdown::detached(py, || fail(place)),
-        _ => caught(|| fail(place)),
+        "detached" => super::shutdown::detach(py, || fail(place)),
+        _ => catch_panic(|| fail(place)),
     }
 }
 

@@ -8,14 +8,14 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::arrays::pose;
-use super::cloud_arg::AnyCloud;
-use super::errors::{SettingError, about, exception, optional_real, refused};
-use super::gil::{Pool, released, released_on};
+use super::arrays::parse_pose;
+use super::cloud_arg::CloudArg;
+use super::errors::{SettingError, argument_error, optional_real, settings_error, to_pyerr};
+use super::gil::{Pool, run_interruptible, run_interruptible_on};
 use super::interop::BadRows;
 use super::moments::index_pairs;
-use super::panics::caught;
-use super::weights::{OwnWeights, Weights};
+use super::panics::catch_panic;
+use super::weights::{CustomWeights, Weights};
 use cfreg::cloud::{PointCloud, Transform};
 use cfreg::error::{Error, Result};
 use cfreg::method::{Method, Pipeline, Register, Registration};
@@ -24,29 +24,29 @@ use cfreg::verify;
 use cfreg::weight::Normalization;
 
 /// Name and settings, as a JSON object.
-pub(super) type Named = (String, String);
+pub(super) type NamedMethod = (String, String);
 
 /// What a registration may be given beside its method.
-struct Given {
-    weights: Option<(OwnWeights, Normalization)>,
+struct MethodInputs {
+    weights: Option<(CustomWeights, Normalization)>,
     matches: Option<Vec<(u32, u32)>>,
 }
 
 /// Whether the pose is verified afterwards, and which points are left out before; a JSON object.
 #[derive(Deserialize)]
-pub(super) struct Options {
+pub(super) struct RegistrationOptions {
     /// Whether poses without a verdict are verified: on, off or auto.
     verdict: String,
     keep_no_returns: bool,
 }
 
-impl Options {
+impl RegistrationOptions {
     pub(super) fn read(json: &str) -> PyResult<Self> {
         serde_json::from_str(json).map_err(|error| SettingError::new_err(error.to_string()))
     }
 
     /// The chain with them; `bulk`: it registers many pairs.
-    pub(super) fn put(&self, mut chain: Pipeline, bulk: bool) -> PyResult<Pipeline> {
+    pub(super) fn apply_to(&self, mut chain: Pipeline, bulk: bool) -> PyResult<Pipeline> {
         if self.keep_no_returns {
             chain = chain.keep_no_returns();
         }
@@ -56,7 +56,7 @@ impl Options {
             "off" => false,
             other => {
                 let error = Error::config("verdict", other, "must be on, off or auto");
-                return Err(exception(error));
+                return Err(to_pyerr(error));
             }
         };
         let judge = chain.first().verifier();
@@ -76,61 +76,63 @@ pub(super) fn register(
     py: Python<'_>,
     source: &Bound<'_, PyAny>,
     target: &Bound<'_, PyAny>,
-    method: Named,
-    refinements: Vec<Named>,
+    method: NamedMethod,
+    refinements: Vec<NamedMethod>,
     options: &str,
     weights: Option<&Bound<'_, PyAny>>,
     normalize: &str,
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let (first, refinements) = chain_of(&method, &refinements)?;
-    let chain = Pipeline::new(first, refinements).map_err(exception)?;
-    let mut chain = Options::read(options)?.put(chain, false)?;
+    let (first, refinements) = parse_chain(&method, &refinements)?;
+    let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
+    let mut chain = RegistrationOptions::read(options)?.apply_to(chain, false)?;
     if let Some(initial) = initial {
-        chain = chain.with_initial(pose(initial, "initial")?).map_err(exception)?;
+        chain = chain.with_initial(parse_pose(initial, "initial")?).map_err(to_pyerr)?;
     }
     let weights = match weights.map(|weights| Weights::read(weights, "weights")).transpose()? {
-        Some(Weights::Own(own)) => Some((own, normalize.parse().map_err(exception)?)),
+        Some(Weights::Custom(own)) => Some((own, normalize.parse().map_err(to_pyerr)?)),
         Some(Weights::Named(_)) | None => None,
     };
-    let given = Given {
+    let given = MethodInputs {
         weights,
         matches: matches.map(|matches| index_pairs(matches, "matches")).transpose()?,
     };
     let cloud = |any, name| match given.matches {
-        Some(_) => AnyCloud::by_rows(any, name),
-        None => AnyCloud::read(any, name, None, BadRows::Drop),
+        Some(_) => CloudArg::read_indexed(any, name),
+        None => CloudArg::read(any, name, None, BadRows::Drop),
     };
     let (source, target) = (cloud(source, "source")?, cloud(target, "target")?);
     let (source, target) = (source.get(), target.get());
     let pool = given.weights.as_ref().map_or(Pool::Shared, |(own, _)| own.pool());
-    let found = released_on(py, pool, || match begin(chain.first(), &given, source, target)? {
-        Some(begun) => chain.refine_from(begun, source, target),
-        None => chain.register(source, target),
+    let found = run_interruptible_on(py, pool, || {
+        match register_first(chain.first(), &given, source, target)? {
+            Some(begun) => chain.refine_from(begun, source, target),
+            None => chain.register(source, target),
+        }
     });
     let found = match &given.weights {
-        Some((own, _)) => own.blamed(found)?,
+        Some((own, _)) => own.reraise(found)?,
         None => found?,
     };
     to_json(&found)
 }
 
 /// The result of the first method by weights or matches of one's own; `None` where there are none.
-fn begin(
+fn register_first(
     method: &Method,
-    given: &Given,
+    given: &MethodInputs,
     source: &PointCloud,
     target: &PointCloud,
 ) -> Result<Option<Registration>> {
     let found = match (method, given) {
-        (Method::Cf(cf), Given { weights: Some((own, normalization)), .. }) => {
+        (Method::Cf(cf), MethodInputs { weights: Some((own, normalization)), .. }) => {
             cf.register_with(source, target, |connection| own.moments(connection, *normalization))
         }
-        (Method::Cfk(cfk), Given { weights: Some((own, normalization)), .. }) => {
+        (Method::Cfk(cfk), MethodInputs { weights: Some((own, normalization)), .. }) => {
             cfk.register_with(source, target, |connection| own.moments(connection, *normalization))
         }
-        (Method::Teaser(teaser), Given { matches: Some(matches), .. }) => {
+        (Method::Teaser(teaser), MethodInputs { matches: Some(matches), .. }) => {
             teaser.register_correspondences(source, target, matches)
         }
         _ => return Ok(None),
@@ -141,25 +143,28 @@ fn begin(
 /// Every setting of a method, as JSON.
 #[pyfunction]
 pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
-    let method = method_of("method", &(name, settings))?;
-    caught(|| method.validate())?.map_err(exception)?;
+    let method = parse_method("method", &(name, settings))?;
+    catch_panic(|| method.validate())?.map_err(to_pyerr)?;
     to_json(&method)
 }
 
 /// The first method and its refinements.
-pub(super) fn chain_of(method: &Named, refinements: &[Named]) -> PyResult<(Method, Vec<Method>)> {
-    let first = method_of("method", method)?;
-    let refinements = refinements.iter().map(|named| method_of("refine", named));
+pub(super) fn parse_chain(
+    method: &NamedMethod,
+    refinements: &[NamedMethod],
+) -> PyResult<(Method, Vec<Method>)> {
+    let first = parse_method("method", method)?;
+    let refinements = refinements.iter().map(|named| parse_method("refine", named));
     Ok((first, refinements.collect::<PyResult<_>>()?))
 }
 
 /// The method of that name with these settings, given as `argument`.
-fn method_of(argument: &str, (name, settings): &Named) -> PyResult<Method> {
-    let method: Method = name.parse().map_err(|error| about(argument, error))?;
+fn parse_method(argument: &str, (name, settings): &NamedMethod) -> PyResult<Method> {
+    let method: Method = name.parse().map_err(|error| argument_error(argument, error))?;
     let settings: Map<String, Value> = serde_json::from_str(settings)
-        .map_err(|error| refused(&format!("settings of {name}"), error))?;
+        .map_err(|error| settings_error(&format!("settings of {name}"), error))?;
     let settings = settings.iter().map(|(name, value)| (name.as_str(), value.clone()));
-    caught(|| method.with(settings))?.map_err(exception)
+    catch_panic(|| method.with(settings))?.map_err(to_pyerr)
 }
 
 /// How the source lies on the target under a pose, and how far that is from the truth; JSON.
@@ -173,12 +178,12 @@ pub(super) fn evaluate(
     #[pyo3(from_py_with = optional_real)] max_distance: Option<f64>,
     truth: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let transform = pose(transform, "transform")?;
-    let truth = truth.map(|truth| pose(truth, "truth")).transpose()?;
-    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
-    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let transform = parse_pose(transform, "transform")?;
+    let truth = truth.map(|truth| parse_pose(truth, "truth")).transpose()?;
+    let source = CloudArg::read(source, "source", None, BadRows::Drop)?;
+    let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    let judgement = released(py, || {
+    let judgement = run_interruptible(py, || {
         verify::evaluate_with_truth(source, target, &transform, max_distance, truth.as_ref())
     })?;
     to_json(&judgement)
@@ -193,22 +198,23 @@ pub(super) fn judge(
     transform: &Bound<'_, PyAny>,
     settings: String,
 ) -> PyResult<String> {
-    let Method::Consensus(judge) = method_of("settings", &("consensus".into(), settings))? else {
+    let Method::Consensus(judge) = parse_method("settings", &("consensus".into(), settings))?
+    else {
         return Err(PyRuntimeError::new_err("consensus is another method"));
     };
-    let transform = pose(transform, "transform")?;
-    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
-    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let transform = parse_pose(transform, "transform")?;
+    let source = CloudArg::read(source, "source", None, BadRows::Drop)?;
+    let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    to_json(&released(py, || judge.verify(source, target, &transform))?)
+    to_json(&run_interruptible(py, || judge.verify(source, target, &transform))?)
 }
 
 /// The vector, in radians, of the rotation that is nearest to a matrix (3, 3), and how far the matrix
 /// is from it.
 #[pyfunction]
 pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<([f64; 3], f64)> {
-    let nearest = caught(|| nearest_rotation(&matrix))?;
-    let (rotation, error) = nearest.map_err(|error| about("prior.rotation", error))?;
+    let nearest = catch_panic(|| nearest_rotation(&matrix))?;
+    let (rotation, error) = nearest.map_err(|error| argument_error("prior.rotation", error))?;
     Ok((Transform::rigid(rotation, [0.0; 3]).rotation_vector(), error))
 }
 
@@ -224,7 +230,7 @@ pub(super) fn is_usable(
     trusted: bool,
     decision: Option<&str>,
 ) -> PyResult<bool> {
-    let decision = decision.map(str::parse).transpose().map_err(exception)?;
+    let decision = decision.map(str::parse).transpose().map_err(to_pyerr)?;
     let pose = Transform::from_matrix(transform);
     Ok(pose.is_ok_and(|pose| verify::is_usable(&pose, trusted, decision)))
 }

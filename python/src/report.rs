@@ -3,10 +3,10 @@
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::cloud_arg::AnyCloud;
-use super::gil::released;
+use super::cloud_arg::CloudArg;
+use super::gil::run_interruptible;
 use super::interop::BadRows;
-use cfreg::report::Pair;
+use cfreg::report::PairReport;
 
 /// The page of a result, given as JSON, and of the clouds that it is of.
 #[pyfunction]
@@ -16,10 +16,10 @@ pub(super) fn report(
     source: &Bound<'_, PyAny>,
     target: &Bound<'_, PyAny>,
 ) -> PyResult<String> {
-    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
-    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let source = CloudArg::read(source, "source", None, BadRows::Drop)?;
+    let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    released(py, || Pair::new(result, source, target)?.html())
+    run_interruptible(py, || PairReport::new(result, source, target)?.html())
 }
 
 /// The aligned clouds as a small PNG.
@@ -31,11 +31,11 @@ pub(super) fn thumbnail<'py>(
     target: &Bound<'py, PyAny>,
     size: (u32, u32),
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let source = AnyCloud::read(source, "source", None, BadRows::Drop)?;
-    let target = AnyCloud::read(target, "target", None, BadRows::Drop)?;
+    let source = CloudArg::read(source, "source", None, BadRows::Drop)?;
+    let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
-    let bytes = released(py, || {
-        let mut pair = Pair::new(result, source, target)?;
+    let bytes = run_interruptible(py, || {
+        let mut pair = PairReport::new(result, source, target)?;
         pair.points = (size.0 * size.1 / 4) as usize;
         pair.thumbnail(size)?.png()
     })?;

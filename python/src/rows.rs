@@ -9,45 +9,45 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{as_array, interop};
-use super::errors::{Error, ShapeError, exception, shown};
+use super::arrays::{as_array, interop_module};
+use super::errors::{Error, ShapeError, format_value, to_pyerr};
 use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
-pub(super) struct Rows {
+pub(super) struct RowSelection {
     number: usize,
     /// `None` where all are kept.
     kept: Option<Vec<usize>>,
 }
 
-impl Rows {
+impl RowSelection {
     /// `number` rows, all of them kept.
-    pub(super) fn all(number: usize) -> Self {
-        Rows { number, kept: None }
+    pub(super) fn new(number: usize) -> Self {
+        RowSelection { number, kept: None }
     }
 
     /// The rows of `points`, of which `cloud` was made.
-    pub(super) fn of(points: &Bound<'_, PyAny>, cloud: &PointCloud) -> PyResult<Self> {
+    pub(super) fn from_points(points: &Bound<'_, PyAny>, cloud: &PointCloud) -> PyResult<Self> {
         let number = cloud.len() + cloud.dropped();
         if cloud.dropped() == 0 {
-            return Ok(Rows::all(number));
+            return Ok(RowSelection::new(number));
         }
         let py = points.py();
         let array = match points.get_type().is(PyUntypedArray::type_object(py)) {
             true => points.clone(),
-            false => interop(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
+            false => interop_module(py)?.call_method1("parts", (points, "points"))?.get_item(0)?,
         };
         let finite = py.import("numpy")?.call_method1("isfinite", (array,))?;
         let finite: Vec<bool> =
             finite.call_method1("all", (1,))?.call_method0("tolist")?.extract()?;
-        Ok(Rows { number, kept: Some((0..number).filter(|&row| finite[row]).collect()) })
+        Ok(RowSelection { number, kept: Some((0..number).filter(|&row| finite[row]).collect()) })
     }
 
     /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
     pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
         let array = as_array(any, name)?;
         let refused = || {
-            let given = shown(&array);
+            let given = format_value(&array);
             Error::new_err(format!("{name}: must be numbers, one a point, not {given}"))
         };
         let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
@@ -85,7 +85,7 @@ impl Rows {
         let mut channels = Channels::default();
         for (name, values) in given {
             let Ok(name) = name.extract::<String>() else {
-                let message = format!("channels: names must be texts, not {}", shown(&name));
+                let message = format!("channels: names must be texts, not {}", format_value(&name));
                 return Err(PyTypeError::new_err(message));
             };
             let values = self.channel(&values, &format!("channels[{name:?}]"))?;
@@ -95,7 +95,7 @@ impl Rows {
                 Some(depth) => channels.with_color(&name, values, depth),
                 None => channels.with(&name, values),
             }
-            .map_err(exception)?;
+            .map_err(to_pyerr)?;
         }
         Ok(channels)
     }

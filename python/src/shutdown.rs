@@ -11,57 +11,57 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 
-use super::panics::caught;
+use super::panics::catch_panic;
 use cfreg::par;
 
 /// Longest wait at exit: a Python function that sleeps cannot be ended.
-const LONGEST: Duration = Duration::from_secs(5);
+const MAX_WAIT: Duration = Duration::from_secs(5);
 /// Between two looks.
-const STEP: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Calls that are detached, in the process of that number: those of other threads do not
 /// follow into a fork.
-static DETACHED: AtomicUsize = AtomicUsize::new(0);
-static PROCESS: AtomicU32 = AtomicU32::new(0);
+static DETACHED_CALLS: AtomicUsize = AtomicUsize::new(0);
+static OWNER_PROCESS: AtomicU32 = AtomicU32::new(0);
 
 /// The thread that ends the interpreter, once it does. Its own calls are still answered:
 /// Python runs functions while it ends.
-static ENDING: OnceLock<ThreadId> = OnceLock::new();
+static SHUTDOWN_THREAD: OnceLock<ThreadId> = OnceLock::new();
 
 /// Runs `work` without the interpreter, so that other threads have it. A panic in it becomes an
 /// exception.
-pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+pub(super) fn detach<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| {
-        let _away = Away::new();
-        caught(work)
+        let _away = DetachedGuard::new();
+        catch_panic(work)
     })
 }
 
 /// Whether the interpreter ends, so that nobody waits for what this thread does.
-pub(super) fn ending() -> bool {
+pub(super) fn is_shutting_down() -> bool {
     let elsewhere = |ending: &ThreadId| *ending != thread::current().id();
     // Threads of a pool work for another, which decides.
-    ENDING.get().is_some_and(elsewhere) && !par::in_pool()
+    SHUTDOWN_THREAD.get().is_some_and(elsewhere) && !par::in_pool()
 }
 
 /// A thread is detached as long as this is there.
-struct Away;
+struct DetachedGuard;
 
-impl Away {
+impl DetachedGuard {
     fn new() -> Self {
         let process = std::process::id();
-        if PROCESS.swap(process, SeqCst) != process {
-            DETACHED.store(0, SeqCst);
+        if OWNER_PROCESS.swap(process, SeqCst) != process {
+            DETACHED_CALLS.store(0, SeqCst);
         }
-        DETACHED.fetch_add(1, SeqCst);
-        Away
+        DETACHED_CALLS.fetch_add(1, SeqCst);
+        DetachedGuard
     }
 }
 
-impl Drop for Away {
+impl Drop for DetachedGuard {
     fn drop(&mut self) {
-        DETACHED.fetch_sub(1, SeqCst);
-        while ending() {
+        DETACHED_CALLS.fetch_sub(1, SeqCst);
+        while is_shutting_down() {
             thread::park();
         }
     }
@@ -70,12 +70,12 @@ impl Drop for Away {
 /// Asks all calls of other threads to end, and waits for them. Run by atexit.
 #[pyfunction]
 fn end(py: Python<'_>) {
-    ENDING.get_or_init(|| thread::current().id());
-    let here = PROCESS.load(SeqCst) == std::process::id();
+    SHUTDOWN_THREAD.get_or_init(|| thread::current().id());
+    let here = OWNER_PROCESS.load(SeqCst) == std::process::id();
     py.detach(|| {
         let begun = Instant::now();
-        while here && DETACHED.load(SeqCst) > 0 && begun.elapsed() < LONGEST {
-            thread::sleep(STEP);
+        while here && DETACHED_CALLS.load(SeqCst) > 0 && begun.elapsed() < MAX_WAIT {
+            thread::sleep(POLL_INTERVAL);
         }
     });
 }

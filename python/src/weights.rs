@@ -8,11 +8,11 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
-use super::arrays::{interop, table};
-use super::errors::{SettingError, ShapeError, about, exception, refused};
+use super::arrays::{interop_module, to_array2};
+use super::errors::{SettingError, ShapeError, argument_error, settings_error, to_pyerr};
 use super::gil::Pool;
-use super::panics::caught;
-use super::shutdown::detached;
+use super::panics::catch_panic;
+use super::shutdown::detach;
 use cfreg::error::Result;
 use cfreg::moments::{FullConnection, Moments};
 use cfreg::par;
@@ -23,13 +23,13 @@ pub(super) enum Weights {
     /// A kernel of the catalogue, whose bandwidth is given beside it.
     Named(WeightScheme),
     /// Something that needs no bandwidth beside it.
-    Own(OwnWeights),
+    Custom(CustomWeights),
 }
 
 /// Weights that carry all they need.
-pub(super) enum OwnWeights {
+pub(super) enum CustomWeights {
     Composite(Composite),
-    Function(Function),
+    Function(PythonKernel),
 }
 
 impl Weights {
@@ -37,7 +37,7 @@ impl Weights {
     /// it.
     pub(super) fn read(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Self> {
         if let Ok(text) = any.extract::<String>() {
-            return text.parse().map(Weights::Named).map_err(|error| about(name, error));
+            return text.parse().map(Weights::Named).map_err(|error| argument_error(name, error));
         }
         if let Ok(class) = any.cast::<PyType>() {
             let class = class.name()?;
@@ -47,10 +47,12 @@ impl Weights {
         if let Some(json) = any.getattr_opt("_json")?
             && let Some(json) = json.call0()?.extract::<Option<String>>()?
         {
-            return Ok(Weights::Own(OwnWeights::Composite(composite(&json, name)?)));
+            return Ok(Weights::Custom(CustomWeights::Composite(composite(&json, name)?)));
         }
         if any.is_callable() {
-            return Ok(Weights::Own(OwnWeights::Function(Function::new(any.clone().unbind()))));
+            return Ok(Weights::Custom(CustomWeights::Function(PythonKernel::new(
+                any.clone().unbind(),
+            ))));
         }
         let class = any.get_type().name()?;
         let rule = "must be a name, a kernel of cfreg.weights or a function of squared distances";
@@ -58,12 +60,12 @@ impl Weights {
     }
 }
 
-impl OwnWeights {
+impl CustomWeights {
     /// Where to weigh: a function may take a lock that other calls are made under.
     pub(super) fn pool(&self) -> Pool {
         match self {
-            OwnWeights::Composite(_) => Pool::Shared,
-            OwnWeights::Function(_) => Pool::Own,
+            CustomWeights::Composite(_) => Pool::Shared,
+            CustomWeights::Function(_) => Pool::Own,
         }
     }
 
@@ -73,21 +75,21 @@ impl OwnWeights {
         normalization: Normalization,
     ) -> Result<Moments> {
         match self {
-            OwnWeights::Composite(composite) => {
+            CustomWeights::Composite(composite) => {
                 let kernel = composite.resolve(|beta| connection.bandwidth(beta))?;
                 connection.moments(&kernel, normalization)
             }
-            OwnWeights::Function(function) => connection.moments(function, normalization),
+            CustomWeights::Function(function) => connection.moments(function, normalization),
         }
     }
 
     /// The exception that a function of these weights has raised, if one has; else `outcome`.
-    pub(super) fn blamed<T>(&self, outcome: PyResult<T>) -> PyResult<T> {
+    pub(super) fn reraise<T>(&self, outcome: PyResult<T>) -> PyResult<T> {
         let raised = match self {
-            OwnWeights::Function(function) => {
+            CustomWeights::Function(function) => {
                 function.raised.lock().ok().and_then(|mut raised| raised.take())
             }
-            OwnWeights::Composite(_) => None,
+            CustomWeights::Composite(_) => None,
         };
         raised.map_or(outcome, Err)
     }
@@ -95,21 +97,21 @@ impl OwnWeights {
 
 /// A Python function from an array (sources, targets) of squared distances to as many
 /// weights.
-pub(super) struct Function {
+pub(super) struct PythonKernel {
     function: Py<PyAny>,
     /// The first exception that it raised.
     raised: Mutex<Option<PyErr>>,
 }
 
-impl Function {
+impl PythonKernel {
     fn new(function: Py<PyAny>) -> Self {
-        Function { function, raised: Mutex::new(None) }
+        PythonKernel { function, raised: Mutex::new(None) }
     }
 
     fn call(&self, py: Python<'_>, d2: &mut [f32], width: usize) -> PyResult<()> {
-        let given = table(py, width, d2.to_vec());
+        let given = to_array2(py, width, d2.to_vec());
         let found = self.function.call1(py, (&given,))?;
-        let found = interop(py)?.call_method1("weights", (found,))?;
+        let found = interop_module(py)?.call_method1("weights", (found,))?;
         // Truths and whole numbers are weights, complex numbers are not.
         let refused = |_| {
             let found = found.getattr("dtype").unwrap_or_else(|_| found.clone());
@@ -135,7 +137,7 @@ impl Function {
     }
 }
 
-impl WeightKernel for Function {
+impl WeightKernel for PythonKernel {
     fn weight(&self, d2: f32) -> f32 {
         let mut tile = [d2];
         self.fill_tile(&mut tile, 1);
@@ -169,9 +171,9 @@ pub(super) fn kernel_weights<'py>(
     kernel: &str,
     squared_distances: &Bound<'py, PyArray1<f32>>,
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-    let kernel = composite(kernel, "kernel")?.resolve(Ok).map_err(exception)?;
+    let kernel = composite(kernel, "kernel")?.resolve(Ok).map_err(to_pyerr)?;
     let mut d2 = squared_distances.to_vec()?;
-    detached(py, || kernel.fill(&mut d2))?;
+    detach(py, || kernel.fill(&mut d2))?;
     Ok(PyArray1::from_vec(py, d2))
 }
 
@@ -184,11 +186,11 @@ pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
     };
     let kernel = composite(kernel, "kernel")?;
-    caught(|| kernel.resolve(any).map(|_| ()))?.map_err(exception)
+    catch_panic(|| kernel.resolve(any).map(|_| ()))?.map_err(to_pyerr)
 }
 
 /// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call
 /// it.
 fn composite(json: &str, name: &str) -> PyResult<Composite> {
-    serde_json::from_str(json).map_err(|error| refused(name, error))
+    serde_json::from_str(json).map_err(|error| settings_error(name, error))
 }

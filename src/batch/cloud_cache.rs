@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use super::hash::Hash;
+use super::hash::Fnv1a;
 use crate::cloud::{Parts, PointCloud};
 use crate::error::Result;
 use crate::filter::Downsampling;
@@ -15,32 +15,32 @@ use crate::method::{Cache, Cached};
 pub(super) struct CloudCache {
     thinning: Downsampling,
     budget: usize,
-    held: Mutex<Held>,
+    state: Mutex<CacheState>,
 }
 
 #[derive(Default)]
-struct Held {
-    clouds: HashMap<Key, Slot>,
+struct CacheState {
+    clouds: HashMap<CacheKey, CacheSlot>,
     bytes: usize,
     /// Grows with every use.
-    now: u64,
+    clock: u64,
 }
 
 /// A file, and the stream of random draws by which it is thinned.
-type Key = (PathBuf, u64);
+type CacheKey = (PathBuf, u64);
 
-struct Slot {
-    cloud: Arc<OnceLock<Read>>,
+struct CacheSlot {
+    cloud: Arc<OnceLock<ReadResult>>,
     bytes: usize,
     used: u64,
 }
 
 /// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
-pub(super) type Read = std::result::Result<Arc<CachedCloud>, String>;
+pub(super) type ReadResult = std::result::Result<Arc<CachedCloud>, String>;
 
 /// A cloud, and what was made of it.
 pub(super) struct CachedCloud {
-    key: Key,
+    key: CacheKey,
     cloud: PointCloud,
     cache: Cache,
 }
@@ -54,7 +54,7 @@ impl CachedCloud {
 impl CloudCache {
     /// None are held yet; at most `budget` bytes of those that no pair is using will be.
     pub(super) fn new(thinning: Downsampling, budget: usize) -> Self {
-        CloudCache { thinning, budget, held: Mutex::default() }
+        CloudCache { thinning, budget, state: Mutex::default() }
     }
 
     /// The cloud in `path`, by `read` where it is not held; a second caller waits while the first
@@ -64,15 +64,15 @@ impl CloudCache {
         path: &Path,
         stream: u64,
         read: impl FnOnce() -> Result<PointCloud>,
-    ) -> Read {
+    ) -> ReadResult {
         // Only random draws tell the sides of a pair apart.
         let stream = if self.thinning.sample.is_some() { stream } else { 0 };
         let key = (path.to_path_buf(), stream);
         let cell = {
             let mut held = self.lock();
-            held.now += 1;
-            let used = held.now;
-            let empty = || Slot { cloud: Arc::default(), bytes: 0, used };
+            held.clock += 1;
+            let used = held.clock;
+            let empty = || CacheSlot { cloud: Arc::default(), bytes: 0, used };
             let slot = held.clouds.entry(key.clone()).or_insert_with(empty);
             slot.used = used;
             slot.cloud.clone()
@@ -86,24 +86,24 @@ impl CloudCache {
             cloud.map(keep).map_err(|error| error.to_string())
         });
         if fresh {
-            self.lock().resize(&key, bytes(read.as_deref().ok()), self.budget);
+            self.lock().resize(&key, memory_size(read.as_deref().ok()), self.budget);
         }
         read.clone()
     }
 
     /// Counts what was made of a cloud since it was [got](Self::get).
     pub(super) fn touch(&self, kept: &CachedCloud) {
-        self.lock().resize(&kept.key, bytes(Some(kept)), self.budget);
+        self.lock().resize(&kept.key, memory_size(Some(kept)), self.budget);
     }
 
-    fn lock(&self) -> MutexGuard<'_, Held> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, CacheState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Held {
+impl CacheState {
     /// Counts a cloud that was read or of which more was made, and makes room.
-    fn resize(&mut self, key: &Key, bytes: usize, budget: usize) {
+    fn resize(&mut self, key: &CacheKey, bytes: usize, budget: usize) {
         let Some(slot) = self.clouds.get_mut(key) else { return };
         self.bytes = self.bytes - slot.bytes + bytes;
         slot.bytes = bytes;
@@ -119,26 +119,26 @@ impl Held {
 }
 
 /// What a cloud takes, and what is kept around it.
-fn bytes(kept: Option<&CachedCloud>) -> usize {
-    const AROUND: usize = 512;
-    AROUND + kept.map_or(0, |kept| kept.cloud.bytes() + kept.cache.bytes())
+fn memory_size(kept: Option<&CachedCloud>) -> usize {
+    const OVERHEAD: usize = 512;
+    OVERHEAD + kept.map_or(0, |kept| kept.cloud.bytes() + kept.cache.bytes())
 }
 
 /// Adds all that a cloud consists of to a hash.
-pub(super) fn add(hash: &mut Hash, cloud: &PointCloud) {
+pub(super) fn hash_cloud(hash: &mut Fnv1a, cloud: &PointCloud) {
     let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, .. } =
         cloud.parts();
     let mut many = |name: &str, numbers: &[f32]| {
-        hash.add(name);
-        hash.number(numbers.len() as f64);
-        numbers.iter().for_each(|&x| hash.number(x.into()));
+        hash.add_text(name);
+        hash.add_number(numbers.len() as f64);
+        numbers.iter().for_each(|&x| hash.add_number(x.into()));
     };
     many("points", points.as_flattened());
     many("normals", normals.unwrap_or_default().as_flattened());
     many("weights", &weights.unwrap_or_default());
     channels.iter().for_each(|(name, values)| many(name, values));
     let places = [Some(origin), Some(frame_origin), viewpoint];
-    places.iter().flatten().flatten().for_each(|&x| hash.number(x));
+    places.iter().flatten().flatten().for_each(|&x| hash.add_number(x));
 }
 
 #[cfg(test)]

@@ -14,12 +14,12 @@ pub enum Column {
 }
 
 impl Column {
-    pub(super) fn push(&mut self, cell: Cell<'_>) {
+    pub(super) fn push(&mut self, cell: CellValue<'_>) {
         match (self, cell) {
-            (Column::Text(column), Cell::Text(text)) => column.push(text.map(String::from)),
-            (Column::Flag(column), Cell::Flag(flag)) => column.push(flag),
-            (Column::Count(column), Cell::Count(count)) => column.push(count),
-            (Column::Number(column), Cell::Number(number)) => column.push(number),
+            (Column::Text(column), CellValue::Text(text)) => column.push(text.map(String::from)),
+            (Column::Flag(column), CellValue::Flag(flag)) => column.push(flag),
+            (Column::Count(column), CellValue::Count(count)) => column.push(count),
+            (Column::Number(column), CellValue::Number(number)) => column.push(number),
             // Every row has the same columns of the same kinds.
             _ => {}
         }
@@ -28,40 +28,40 @@ impl Column {
 
 /// What stands in a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Cell<'a> {
+pub(super) enum CellValue<'a> {
     Text(Option<&'a str>),
     Flag(Option<bool>),
     Count(Option<i64>),
     Number(Option<f64>),
 }
 
-impl Cell<'_> {
+impl CellValue<'_> {
     /// As CSV has it, every digit kept; nothing for `None`.
-    pub(super) fn word(&self) -> String {
+    pub(super) fn to_csv(&self) -> String {
         match self {
-            Cell::Text(text) => text.unwrap_or_default().into(),
-            Cell::Flag(flag) => flag.map_or_else(String::new, |flag| flag.to_string()),
-            Cell::Count(count) => count.map_or_else(String::new, |count| count.to_string()),
-            Cell::Number(number) => number.map_or_else(String::new, |x| format!("{x:?}")),
+            CellValue::Text(text) => text.unwrap_or_default().into(),
+            CellValue::Flag(flag) => flag.map_or_else(String::new, |flag| flag.to_string()),
+            CellValue::Count(count) => count.map_or_else(String::new, |count| count.to_string()),
+            CellValue::Number(number) => number.map_or_else(String::new, |x| format!("{x:?}")),
         }
     }
 }
 
-impl Serialize for Cell<'_> {
+impl Serialize for CellValue<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
-            Cell::Text(text) => text.serialize(serializer),
-            Cell::Flag(flag) => flag.serialize(serializer),
-            Cell::Count(count) => count.serialize(serializer),
-            Cell::Number(number) => number.serialize(serializer),
+            CellValue::Text(text) => text.serialize(serializer),
+            CellValue::Flag(flag) => flag.serialize(serializer),
+            CellValue::Count(count) => count.serialize(serializer),
+            CellValue::Number(number) => number.serialize(serializer),
         }
     }
 }
 
 /// A row as one object without any within, as JSON Lines have it.
-pub(super) struct Flat<'a>(pub(super) &'a [(String, Cell<'a>)]);
+pub(super) struct FlatRow<'a>(pub(super) &'a [(String, CellValue<'a>)]);
 
-impl Serialize for Flat<'_> {
+impl Serialize for FlatRow<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for (name, cell) in self.0 {

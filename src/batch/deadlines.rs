@@ -22,7 +22,7 @@ impl Deadlines {
     }
 
     /// What the pair is to run under.
-    pub(super) fn begin(&self, index: usize) -> Interrupt {
+    pub(super) fn start(&self, index: usize) -> Interrupt {
         let interrupt = Interrupt::default();
         let mut watched = self.lock();
         if watched.ended {
@@ -40,7 +40,7 @@ impl Deadlines {
     }
 
     /// Ends those that are at it for longer than `limit`.
-    pub(super) fn end_late(&self, limit: Option<Duration>) {
+    pub(super) fn interrupt_late(&self, limit: Option<Duration>) {
         let Some(limit) = limit else { return };
         for (begun, interrupt) in self.lock().running.values() {
             if begun.elapsed() > limit {
@@ -50,7 +50,7 @@ impl Deadlines {
     }
 
     /// Ends them all, and those that are yet to begin.
-    pub(super) fn end_all(&self) {
+    pub(super) fn interrupt_all(&self) {
         let mut watched = self.lock();
         watched.ended = true;
         watched.running.values().for_each(|(_, interrupt)| interrupt.request());

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::Row;
-use super::row::symmetric;
+use super::row::symmetric_from_triangle;
 use crate::error::{Error, Result};
 use crate::io;
 use crate::pose_graph::{PoseEdge, PoseGraph};
@@ -19,7 +19,7 @@ pub struct RowGraph {
     pub not_accepted: usize,
     /// Rows whose pose may be used, but without a covariance (of methods without a verdict), with a
     /// scale, or of a cloud to itself.
-    pub left_out: usize,
+    pub skipped: usize,
 }
 
 impl RowGraph {
@@ -31,8 +31,8 @@ impl RowGraph {
     pub fn new<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Result<RowGraph> {
         let mut found = RowGraph::default();
         for row in rows {
-            found.graph.vertex(&row.target);
-            found.graph.vertex(&row.source);
+            found.graph.add_vertex(&row.target);
+            found.graph.add_vertex(&row.source);
             let refuse = |rule: &str| Error::config("rows", format!("pair {}", row.index), rule);
             let pose = row.transform();
             if row.pose.is_some() && pose.is_none() {
@@ -44,18 +44,18 @@ impl RowGraph {
                 continue;
             };
             let (Some(information), Some(center)) = (row.information, row.center) else {
-                found.left_out += 1;
+                found.skipped += 1;
                 continue;
             };
             if pose.scale != 1.0 || row.source == row.target {
-                found.left_out += 1;
+                found.skipped += 1;
                 continue;
             }
             let edge = PoseEdge {
                 source: &row.source,
                 target: &row.target,
                 pose,
-                information: symmetric(&information),
+                information: symmetric_from_triangle(&information),
                 center,
                 probability: row.probability.unwrap_or(0.0),
             };
@@ -111,8 +111,8 @@ mod tests {
         ];
         let found = RowGraph::new(&rows).unwrap();
         assert_eq!(found.graph.names(), ["a", "c", "b", "d", "e"]);
-        assert_eq!((found.graph.edges(), found.graph.parts()), (2, 3));
-        assert_eq!((found.not_accepted, found.left_out), (1, 1));
+        assert_eq!((found.graph.edge_count(), found.graph.component_count()), (2, 3));
+        assert_eq!((found.not_accepted, found.skipped), (1, 1));
         for (information, center) in [(1e308, 0.0), (1.0, -1e80)] {
             let row = Row {
                 information: Some([information; 21]),
@@ -132,6 +132,6 @@ mod tests {
         let failed = Row { error: Some("none".into()), ..row("b", "a", "accept", one, 0.99) };
         let untold = Row { trusted: None, ..row("b", "a", "accept", one, 0.99) };
         let found = RowGraph::new(&[doubted, failed, untold]).unwrap();
-        assert_eq!((found.graph.edges(), found.not_accepted), (0, 3));
+        assert_eq!((found.graph.edge_count(), found.not_accepted), (0, 3));
     }
 }

@@ -1,41 +1,41 @@
 //! Numbers that tell what a run was given from what another was.
 
 /// FNV-1a, 64 bits: the same on every machine, and no proof against malice.
-pub(super) struct Hash(u64);
+pub(super) struct Fnv1a(u64);
 
-impl Default for Hash {
+impl Default for Fnv1a {
     fn default() -> Self {
-        Hash(0xcbf2_9ce4_8422_2325)
+        Fnv1a(0xcbf2_9ce4_8422_2325)
     }
 }
 
-impl Hash {
-    fn byte(&mut self, byte: u8) {
+impl Fnv1a {
+    fn add_byte(&mut self, byte: u8) {
         self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
     }
 
     /// That of these bytes.
-    pub(super) fn of(bytes: &[u8]) -> u64 {
-        let mut hash = Hash::default();
-        hash.bytes(bytes);
+    pub(super) fn hash_bytes(bytes: &[u8]) -> u64 {
+        let mut hash = Fnv1a::default();
+        hash.add_bytes(bytes);
         hash.value()
     }
 
     /// Adds bytes. Those of one length that differ in one byte have different numbers.
-    pub(super) fn bytes(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&byte| self.byte(byte));
+    pub(super) fn add_bytes(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&byte| self.add_byte(byte));
     }
 
     /// Adds a text, and that it ends.
-    pub(super) fn add(&mut self, text: &str) {
-        self.bytes(text.as_bytes());
+    pub(super) fn add_text(&mut self, text: &str) {
+        self.add_bytes(text.as_bytes());
         // In no UTF-8.
-        self.byte(0xff);
+        self.add_byte(0xff);
     }
 
     /// Adds the bits of a number.
-    pub(super) fn number(&mut self, number: f64) {
-        number.to_bits().to_le_bytes().into_iter().for_each(|byte| self.byte(byte));
+    pub(super) fn add_number(&mut self, number: f64) {
+        number.to_bits().to_le_bytes().into_iter().for_each(|byte| self.add_byte(byte));
     }
 
     pub(super) fn value(&self) -> u64 {

@@ -11,34 +11,34 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::hash::Hash;
-use super::run_file::{beside, is_run};
-use super::{List, Row};
+use super::hash::Fnv1a;
+use super::run_file::{is_run_header, with_suffix};
+use super::{PairList, Row};
 use crate::error::{Error, Result};
 use crate::io::limited_file;
 
 /// Seconds after which the system is asked to have what was written on the disk.
-const SYNC: Duration = Duration::from_secs(5);
+const SYNC_INTERVAL: Duration = Duration::from_secs(5);
 
 /// A journal that is open, and where its rows begin.
 pub(super) struct Journal {
     path: PathBuf,
     file: File,
     /// Where the row of each pair begins; 0, where the header is, for those not done.
-    places: Vec<u64>,
+    row_offsets: Vec<u64>,
     end: u64,
     done: usize,
     /// Lines that are not as they were written, or of other pairs.
     damaged: usize,
     /// Checksum of the first line.
-    begun: u64,
+    header_checksum: u64,
     synced: Instant,
 }
 
 impl Journal {
     /// The place of the journal of an output.
-    pub(super) fn beside(output: &Path) -> PathBuf {
-        beside(output, ".part")
+    pub(super) fn path_for(output: &Path) -> PathBuf {
+        with_suffix(output, ".part")
     }
 
     /// Refuses what is there and no journal.
@@ -57,7 +57,7 @@ impl Journal {
         let file = File::open(path).map_err(failed)?;
         match first_line(&file, &mut BufReader::new(&file)).map_err(failed)? {
             Some(_) => Ok(()),
-            None => refuse(FOREIGN),
+            None => refuse(NOT_A_JOURNAL),
         }
     }
 
@@ -67,7 +67,7 @@ impl Journal {
     /// # Errors
     /// [`Error::Config`] when it was begun by another `header`, when it is not a journal, or when
     /// another process writes it; [`Error::Io`].
-    pub(super) fn open(path: &Path, header: &Value, list: &List, resume: bool) -> Result<Self> {
+    pub(super) fn open(path: &Path, header: &Value, list: &PairList, resume: bool) -> Result<Self> {
         let failed = |error| Error::io(path, error);
         let refuse = |rule: &str| Err(Error::config("resume", path.display(), rule));
         if path.exists() && !path.is_file() {
@@ -84,46 +84,54 @@ impl Journal {
             Err(std::fs::TryLockError::Error(_)) => {}
         }
         let first = format!("{header}\n");
-        let begun = Hash::of(first.as_bytes());
+        let begun = Fnv1a::hash_bytes(first.as_bytes());
         let (path, synced, places) = (path.to_path_buf(), Instant::now(), vec![0; list.len()]);
-        let mut journal =
-            Journal { path, file, places, end: 0, done: 0, damaged: 0, begun, synced };
+        let mut journal = Journal {
+            path,
+            file,
+            row_offsets: places,
+            end: 0,
+            done: 0,
+            damaged: 0,
+            header_checksum: begun,
+            synced,
+        };
         journal.read(header, &first, list, resume)?;
         Ok(journal)
     }
 
     /// Takes over what is there, if it is to, and cuts off what is not whole.
-    fn read(&mut self, header: &Value, first: &str, list: &List, resume: bool) -> Result<()> {
+    fn read(&mut self, header: &Value, first: &str, list: &PairList, resume: bool) -> Result<()> {
         let path = self.path.clone();
         let failed = |error| Error::io(&path, error);
         let refuse = |rule: String| Err(Error::config("resume", path.display(), rule));
         let mut reader = BufReader::new(self.file.try_clone().map_err(failed)?);
         reader.seek(SeekFrom::Start(0)).map_err(failed)?;
         let Some(mut line) = first_line(&self.file, &mut reader).map_err(failed)? else {
-            return refuse(FOREIGN.into());
+            return refuse(NOT_A_JOURNAL.into());
         };
         let cut = !line.ends_with(b"\n");
         let begun: Value = serde_json::from_slice(&line).unwrap_or_default();
         if cut || !resume {
-            self.cut()?;
+            self.truncate()?;
             return self.append(first.as_bytes());
         }
-        if let Some(rule) = difference(&begun, header) {
+        if let Some(rule) = header_difference(&begun, header) {
             return refuse(rule);
         }
         self.end = line.len() as u64;
         // Written otherwise, though it says the same.
-        self.begun = Hash::of(&line);
+        self.header_checksum = Fnv1a::hash_bytes(&line);
         loop {
             match limited_file::read_line(&mut reader, &mut line) {
                 Err(error) if error.kind() == io::ErrorKind::FileTooLarge => {
                     self.damaged += 1;
-                    return self.cut();
+                    return self.truncate();
                 }
                 read => _ = read.map_err(failed)?,
             }
             if !line.ends_with(b"\n") {
-                return self.cut();
+                return self.truncate();
             }
             let same = |row: &Row| {
                 row.index < list.len()
@@ -140,9 +148,9 @@ impl Journal {
     /// The row in a line, if it is as it was written.
     fn row(&self, line: &[u8]) -> Option<Row> {
         let row = line.strip_suffix(b"\"}\n")?;
-        let (row, sum) = row.split_at_checked(row.len().checked_sub(SUM_DIGITS)?)?;
-        let row = row.strip_suffix(SUM.as_bytes())?;
-        if self.sum(row).as_bytes() != sum {
+        let (row, sum) = row.split_at_checked(row.len().checked_sub(CHECKSUM_DIGITS)?)?;
+        let row = row.strip_suffix(CHECKSUM_FIELD.as_bytes())?;
+        if self.row_checksum(row).as_bytes() != sum {
             return None;
         }
         let mut whole = row.to_vec();
@@ -151,15 +159,15 @@ impl Journal {
     }
 
     /// The checksum of a row.
-    fn sum(&self, row: &[u8]) -> String {
-        let mut hash = Hash::default();
-        hash.bytes(&self.begun.to_le_bytes());
-        hash.bytes(row);
+    fn row_checksum(&self, row: &[u8]) -> String {
+        let mut hash = Fnv1a::default();
+        hash.add_bytes(&self.header_checksum.to_le_bytes());
+        hash.add_bytes(row);
         format!("{:016x}", hash.value())
     }
 
     /// Leaves what is before the end, and nothing else.
-    fn cut(&mut self) -> Result<()> {
+    fn truncate(&mut self) -> Result<()> {
         self.file.set_len(self.end).map_err(|error| Error::io(&self.path, error))
     }
 
@@ -170,8 +178,8 @@ impl Journal {
     }
 
     fn mark_done(&mut self, index: usize) {
-        if self.places[index] == 0 {
-            self.places[index] = self.end;
+        if self.row_offsets[index] == 0 {
+            self.row_offsets[index] = self.end;
             self.done += 1;
         }
     }
@@ -182,14 +190,14 @@ impl Journal {
         let mut line = serde_json::to_vec(row).map_err(|error| fail(error.into()))?;
         // Without the brace at the end, which comes behind the checksum.
         line.pop();
-        let sum = self.sum(&line);
-        line.extend_from_slice(format!("{SUM}{sum}\"}}\n").as_bytes());
+        let sum = self.row_checksum(&line);
+        line.extend_from_slice(format!("{CHECKSUM_FIELD}{sum}\"}}\n").as_bytes());
         let before = self.end;
         self.append(&line)?;
         self.end = before;
         self.mark_done(row.index);
         self.end += line.len() as u64;
-        self.sync(SYNC)
+        self.sync(SYNC_INTERVAL)
     }
 
     /// Has rows on the disk, unless that was done less than `after` ago.
@@ -202,18 +210,18 @@ impl Journal {
     }
 
     /// Number of rows.
-    pub(super) fn done(&self) -> usize {
+    pub(super) fn done_count(&self) -> usize {
         self.done
     }
 
     /// Number of lines whose pairs are done again, as they were changed.
-    pub(super) fn damaged(&self) -> usize {
+    pub(super) fn damaged_count(&self) -> usize {
         self.damaged
     }
 
     /// The pairs that have no row yet, in order.
-    pub(super) fn missing(&self) -> Vec<usize> {
-        (0..self.places.len()).filter(|&index| self.places[index] == 0).collect()
+    pub(super) fn missing_indices(&self) -> Vec<usize> {
+        (0..self.row_offsets.len()).filter(|&index| self.row_offsets[index] == 0).collect()
     }
 
     /// All rows, in the order of the list.
@@ -224,7 +232,7 @@ impl Journal {
         let failed = |error| Error::io(&self.path, error);
         let mut reader = BufReader::new(self.file.try_clone().map_err(failed)?);
         let (mut at, mut line) = (reader.seek(SeekFrom::Start(0)).map_err(failed)?, Vec::new());
-        Ok(self.places.iter().enumerate().map(move |(index, &place)| {
+        Ok(self.row_offsets.iter().enumerate().map(move |(index, &place)| {
             // What is in the buffer is used where it can be.
             reader.seek_relative(place as i64 - at as i64).map_err(failed)?;
             limited_file::read_line(&mut reader, &mut line).map_err(failed)?;
@@ -254,7 +262,7 @@ fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u
         read => _ = read?,
     }
     let ours = match line.ends_with(b"\n") {
-        true => serde_json::from_slice(&line).is_ok_and(|begun| is_run(&begun)),
+        true => serde_json::from_slice(&line).is_ok_and(|begun| is_run_header(&begun)),
         false => {
             let whole = file.metadata()?.len() == line.len() as u64;
             whole && (START.starts_with(&line) || line.starts_with(START))
@@ -264,18 +272,18 @@ fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u
 }
 
 /// The separator between a row and its checksum, and the length of the checksum.
-const SUM: &str = ",\"checksum\":\"";
-const SUM_DIGITS: usize = 16;
+const CHECKSUM_FIELD: &str = ",\"checksum\":\"";
+const CHECKSUM_DIGITS: usize = 16;
 
-const FOREIGN: &str =
+const NOT_A_JOURNAL: &str =
     "is there and no journal of this program: move or remove it, or name another output";
 
 /// What a journal was begun with otherwise than `now`, if anything.
-pub(super) fn difference(begun: &Value, now: &Value) -> Option<String> {
+pub(super) fn header_difference(begun: &Value, now: &Value) -> Option<String> {
     if begun.get("cfreg").is_none() {
-        return Some(FOREIGN.into());
+        return Some(NOT_A_JOURNAL.into());
     }
-    let (name, before, value) = setting(begun, now, "")?;
+    let (name, before, value) = differing_setting(begun, now, "")?;
     Some(format!(
         "was begun with {name} {before}, and this is {value}: run it as it was begun, start anew \
          with --overwrite, or name another output"
@@ -283,7 +291,7 @@ pub(super) fn difference(begun: &Value, now: &Value) -> Option<String> {
 }
 
 /// The first setting that differs, by its name, and both values.
-fn setting<'a>(
+fn differing_setting<'a>(
     begun: &'a Value,
     now: &'a Value,
     name: &str,
@@ -295,7 +303,7 @@ fn setting<'a>(
     names.into_iter().find_map(|key| {
         let of = |all: &'a serde_json::Map<String, Value>| all.get(key).unwrap_or(&Value::Null);
         let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
-        setting(of(before), of(fields), &name)
+        differing_setting(of(before), of(fields), &name)
     })
 }
 
@@ -312,8 +320,8 @@ mod tests {
         json!({"cfreg": "1", "list": "x", "pairs": 4, "method": 0})
     }
 
-    fn list() -> List {
-        List::new("", [["a", "b"]; 4])
+    fn list() -> PairList {
+        PairList::new("", [["a", "b"]; 4])
     }
 
     #[test]
@@ -336,8 +344,8 @@ mod tests {
             std::fs::write(&path, &whole[..length]).unwrap();
             let mut journal = Journal::open(&path, &header, &list(), true).unwrap();
             let ends = whole[..length].iter().filter(|&&byte| byte == b'\n').count();
-            assert_eq!(journal.done(), ends.saturating_sub(1), "{length}");
-            for index in journal.missing() {
+            assert_eq!(journal.done_count(), ends.saturating_sub(1), "{length}");
+            for index in journal.missing_indices() {
                 journal.add(&row(index)).unwrap();
             }
             assert_eq!(rows(&journal), [0, 1, 2, 3].map(row));
@@ -358,8 +366,11 @@ mod tests {
         let other = said(&other);
         assert!(other.contains("begun with list \"x\""), "{other}");
         let [one, two] = [json!({"a": {"b": 1, "c": 2}}), json!({"a": {"b": 1, "d": 3}})];
-        assert_eq!(setting(&one, &two, ""), Some(("a.d".into(), &Value::Null, &json!(3))));
-        assert_eq!(setting(&one, &one, ""), None);
+        assert_eq!(
+            differing_setting(&one, &two, ""),
+            Some(("a.d".into(), &Value::Null, &json!(3)))
+        );
+        assert_eq!(differing_setting(&one, &one, ""), None);
         let long = "x".repeat(limited_file::MAX_RECORD_BYTES + 1);
         for foreign in ["mine\n", "mine", "{}\n", "{\"cfreg\": 1}\n", "mine\n\n", &long] {
             std::fs::write(&path, foreign).unwrap();
@@ -380,10 +391,10 @@ mod tests {
         (0..4).for_each(|index| journal.add(&row(index)).unwrap());
         drop(journal);
         let whole = std::fs::read_to_string(&path).unwrap();
-        let reopened = |text: &str, header: &Value, list: &List| {
+        let reopened = |text: &str, header: &Value, list: &PairList| {
             std::fs::write(&path, text).unwrap();
             let journal = Journal::open(&path, header, list, true).unwrap();
-            (journal.done(), journal.damaged(), journal.missing())
+            (journal.done_count(), journal.damaged_count(), journal.missing_indices())
         };
         assert_eq!(reopened(&whole, &header, &list), (4, 0, vec![]));
         // A digit, a name, a blank, a checksum; what follows is taken over.
@@ -410,10 +421,10 @@ mod tests {
             bytes[at] ^= 1 + (at % 7) as u8;
             std::fs::write(&path, &bytes).unwrap();
             let journal = Journal::open(&path, &header, &list, true).unwrap();
-            assert!(journal.damaged() > 0 && journal.missing() == [0], "{at}");
+            assert!(journal.damaged_count() > 0 && journal.missing_indices() == [0], "{at}");
         }
         // Rows of another list, and of another run.
-        let other = List::new("", [["a", "b"], ["a", "b"], ["b", "a"], ["a", "b"]]);
+        let other = PairList::new("", [["a", "b"], ["a", "b"], ["b", "a"], ["a", "b"]]);
         assert_eq!(reopened(&whole, &header, &other), (3, 1, vec![2]));
         let text = whole.replacen("\"method\":0", "\"method\":1", 1);
         let header = serde_json::from_str(text.lines().next().unwrap()).unwrap();

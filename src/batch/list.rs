@@ -3,14 +3,14 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::hash::Hash;
+use super::hash::Fnv1a;
 use crate::error::{Error, Result};
 use crate::io;
 use crate::io::limited_file::GROWTH_FACTOR;
 
 /// Pairs of files, in order; a name that comes in many pairs is kept once.
 #[derive(Debug, Clone, Default)]
-pub struct List {
+pub struct PairList {
     /// The file that it was read from.
     file: Option<PathBuf>,
     folder: PathBuf,
@@ -19,21 +19,21 @@ pub struct List {
 }
 
 /// Lists are the same that have the same pairs of the same folder, wherever they are from.
-impl PartialEq for List {
-    fn eq(&self, other: &List) -> bool {
+impl PartialEq for PairList {
+    fn eq(&self, other: &PairList) -> bool {
         self.folder == other.folder && self.names == other.names && self.pairs == other.pairs
     }
 }
 
-impl List {
+impl PairList {
     /// Pairs of source and target, files relative to `folder`.
     pub fn new<S: AsRef<str>>(
         folder: impl Into<PathBuf>,
         pairs: impl IntoIterator<Item = [S; 2]>,
-    ) -> List {
-        let mut builder = Builder::default();
+    ) -> PairList {
+        let mut builder = PairListBuilder::default();
         pairs.into_iter().for_each(|pair| _ = builder.add([pair[0].as_ref(), pair[1].as_ref()]));
-        List { folder: folder.into(), ..builder.list }
+        PairList { folder: folder.into(), ..builder.list }
     }
 
     /// Reads a list: CSV, or Parquet where the name ends in `.parquet`, with the columns
@@ -42,12 +42,12 @@ impl List {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] without these columns, without a pair, and for a row in
     /// which one of the two is missing.
-    pub fn read(path: &Path, folder: &Path) -> Result<List> {
-        let mut builder = Builder::default();
+    pub fn read(path: &Path, folder: &Path) -> Result<PairList> {
+        let mut builder = PairListBuilder::default();
         if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("parquet")) {
             parquet(path, &mut builder)?;
         } else {
-            csv(path, &mut builder)?;
+            read_csv(path, &mut builder)?;
         }
         if builder.list.is_empty() {
             return Err(Error::parse(
@@ -56,7 +56,7 @@ impl List {
                 "no pair: it needs rows below the names of the columns",
             ));
         }
-        Ok(List { file: Some(path.into()), folder: folder.into(), ..builder.list })
+        Ok(PairList { file: Some(path.into()), folder: folder.into(), ..builder.list })
     }
 
     /// Writes the list as CSV; a file that was there is replaced.
@@ -110,20 +110,20 @@ impl List {
 
     /// A number that differs between lists of different pairs.
     pub(super) fn hash(&self) -> u64 {
-        let mut hash = Hash::default();
-        (0..self.len()).flat_map(|index| self.pair(index)).for_each(|name| hash.add(name));
+        let mut hash = Fnv1a::default();
+        (0..self.len()).flat_map(|index| self.pair(index)).for_each(|name| hash.add_text(name));
         hash.value()
     }
 }
 
 /// A list that grows.
 #[derive(Default)]
-struct Builder {
-    list: List,
+struct PairListBuilder {
+    list: PairList,
     known: HashMap<String, u32>,
 }
 
-impl Builder {
+impl PairListBuilder {
     /// Adds a pair, and gives the bytes of memory that it takes.
     fn add(&mut self, pair: [&str; 2]) -> usize {
         let mut bytes = GROWTH_FACTOR * size_of::<[u32; 2]>();
@@ -156,7 +156,7 @@ pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
 
 const COLUMNS: [&str; 2] = ["source", "target"];
 
-fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
+fn read_csv(path: &Path, builder: &mut PairListBuilder) -> Result<()> {
     let mut sheet = io::CsvReader::open(path)?;
     let [source, target] = [sheet.column(COLUMNS[0])?, sheet.column(COLUMNS[1])?];
     while sheet.next()? {
@@ -171,9 +171,9 @@ fn csv(path: &Path, builder: &mut Builder) -> Result<()> {
 }
 
 #[cfg(feature = "parquet")]
-fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
+fn parquet(path: &Path, builder: &mut PairListBuilder) -> Result<()> {
     let mut budget = io::limited_file::LimitedFile::open(path)?.budget();
-    super::parquet::pairs(path, COLUMNS, |number, pair| {
+    super::parquet::read_pairs(path, COLUMNS, |number, pair| {
         let pair = pair.map(str::trim);
         if let Some(empty) = pair.iter().position(|name| name.is_empty()) {
             let what = format!("row {number}: {} is empty", COLUMNS[empty]);
@@ -185,7 +185,7 @@ fn parquet(path: &Path, builder: &mut Builder) -> Result<()> {
 }
 
 #[cfg(not(feature = "parquet"))]
-fn parquet(path: &Path, _: &mut Builder) -> Result<()> {
+fn parquet(path: &Path, _: &mut PairListBuilder) -> Result<()> {
     Err(Error::parse(path, None, "was built without the feature parquet: give the list as CSV"))
 }
 
@@ -195,11 +195,11 @@ mod tests {
 
     use super::*;
 
-    fn read(text: &str) -> Result<List> {
+    fn read(text: &str) -> Result<PairList> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("pairs.csv");
         fs::write(&path, text).unwrap();
-        List::read(&path, folder.path())
+        PairList::read(&path, folder.path())
     }
 
     #[test]
@@ -210,16 +210,16 @@ mod tests {
             (2, ["a.ply", "b.ply"], ["b.ply", "c.ply"])
         );
         assert_eq!(list.names.len(), 3);
-        let same = List::new(list.folder(), [["a.ply", "b.ply"], ["b.ply", "c.ply"]]);
+        let same = PairList::new(list.folder(), [["a.ply", "b.ply"], ["b.ply", "c.ply"]]);
         assert_eq!(list.hash(), same.hash());
-        let other = List::new("", [["a.plyb.ply", ""], ["b.ply", "c.ply"]]);
+        let other = PairList::new("", [["a.plyb.ply", ""], ["b.ply", "c.ply"]]);
         assert_ne!(list.hash(), other.hash());
         let path = list.folder().join("again.csv");
         fs::create_dir_all(list.folder()).unwrap();
-        let odd = List::new(list.folder(), [["a, b.ply", "\"c\".ply"], ["#d.ply", "e.ply"]]);
+        let odd = PairList::new(list.folder(), [["a, b.ply", "\"c\".ply"], ["#d.ply", "e.ply"]]);
         for list in [&list, &odd] {
             list.write(&path).unwrap();
-            assert_eq!(&List::read(&path, list.folder()).unwrap(), list);
+            assert_eq!(&PairList::read(&path, list.folder()).unwrap(), list);
         }
         fs::remove_dir_all(list.folder()).unwrap();
     }

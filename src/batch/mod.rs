@@ -39,20 +39,20 @@ use serde_json::{Value, json};
 
 pub use columns::Column;
 pub use graph::RowGraph;
-pub use list::List;
+pub use list::PairList;
 pub use pairing::{radius_pairs, sequential_pairs};
 pub use panic_hook::install_panic_hook;
 pub use row::Row;
-pub(crate) use row::symmetric;
+pub(crate) use row::symmetric_from_triangle;
 pub use scan_positions::ScanPositions;
 
 pub use crate::filter::{self, Downsampling};
 
 use self::cloud_cache::CloudCache;
 use self::deadlines::Deadlines;
-use self::hash::Hash;
+use self::hash::Fnv1a;
 use self::journal::Journal;
-use self::output::Format;
+use self::output::ResultsFormat;
 use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::io;
@@ -60,11 +60,11 @@ use crate::method::{Register, Registration};
 use crate::par::{self, Interrupt};
 
 /// How often time limits and requests to end are looked at.
-const TICK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// What to do where an earlier run has left something.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Start {
+pub enum StartMode {
     /// Refuse to begin.
     #[default]
     Fresh,
@@ -97,7 +97,7 @@ pub struct Batch<'a> {
     method: &'a dyn Register,
     settings: Value,
     /// Clouds that are at hand, by the names that the list has for them; others are files.
-    pub given: HashMap<String, Arc<PointCloud>>,
+    pub in_memory: HashMap<String, Arc<PointCloud>>,
     /// What is known of where sensors stood; by default what the clouds say.
     pub viewpoints: ViewpointSource,
     /// Whether rows of files that mark measurements without a return are kept
@@ -116,7 +116,7 @@ pub struct Batch<'a> {
     /// Whether the results have the column `seconds`. Off by default: no two runs agree on it.
     pub times: bool,
     /// What to do where an earlier run has left something.
-    pub start: Start,
+    pub start: StartMode,
     /// Ends the run when it is requested, with [`Error::Interrupted`]; the journal is kept. So
     /// does the interrupt under which the caller works.
     pub interrupt: Interrupt,
@@ -152,7 +152,7 @@ impl<'a> Batch<'a> {
         Batch {
             method,
             settings: serde_json::to_value(settings).unwrap_or_default(),
-            given: HashMap::new(),
+            in_memory: HashMap::new(),
             viewpoints: ViewpointSource::default(),
             keep_no_returns: false,
             thinning: Downsampling::default(),
@@ -160,7 +160,7 @@ impl<'a> Batch<'a> {
             memory: 1 << 30,
             time_limit: None,
             times: false,
-            start: Start::Fresh,
+            start: StartMode::Fresh,
             interrupt: Interrupt::default(),
         }
     }
@@ -170,7 +170,7 @@ impl<'a> Batch<'a> {
     ///
     /// # Errors
     /// As [`run_with`](Self::run_with).
-    pub fn run(&self, list: &List, output: &Path) -> Result<Summary> {
+    pub fn run(&self, list: &PairList, output: &Path) -> Result<Summary> {
         self.run_with(list, output, |_, _| ())
     }
 
@@ -184,28 +184,28 @@ impl<'a> Batch<'a> {
     /// and output; [`Error::Interrupted`]. A pair that cannot be read or registered is a row.
     pub fn run_with(
         &self,
-        list: &List,
+        list: &PairList,
         output: &Path,
         mut progress: impl FnMut(usize, usize),
     ) -> Result<Summary> {
-        let format = Format::of(output)?;
+        let format = ResultsFormat::from_path(output)?;
         self.check()?;
         output::check(output, format, list)?;
-        let (path, header) = (Journal::beside(output), self.header(list));
-        if self.complete(output, &path)? {
-            return resume::summary(output, format, list, &header);
+        let (path, header) = (Journal::path_for(output), self.header(list));
+        if self.is_complete(output, &path)? {
+            return resume::summarize_complete(output, format, list, &header);
         }
-        let resume = self.start == Start::Resume;
+        let resume = self.start == StartMode::Resume;
         let mut journal = Journal::open(&path, &header, list, resume)?;
-        let resumed = journal.done();
+        let resumed = journal.done_count();
         progress(resumed, list.len());
-        self.register(list, journal.missing(), |row| {
+        self.register_pairs(list, journal.missing_indices(), |row| {
             journal.add(&row)?;
-            progress(journal.done(), list.len());
+            progress(journal.done_count(), list.len());
             Ok(())
         })?;
         journal.sync(Duration::ZERO)?;
-        let damaged = journal.damaged();
+        let damaged = journal.damaged_count();
         let mut summary = Summary { pairs: list.len(), resumed, damaged, ..Summary::default() };
         let counted =
             journal.rows()?.inspect(|row| row.iter().for_each(|row| summary.add_row(row)));
@@ -219,12 +219,16 @@ impl<'a> Batch<'a> {
     ///
     /// # Errors
     /// [`Error::Config`] for settings that will not do; [`Error::Interrupted`].
-    pub fn rows(&self, list: &List, mut progress: impl FnMut(usize, usize)) -> Result<Vec<Row>> {
+    pub fn rows(
+        &self,
+        list: &PairList,
+        mut progress: impl FnMut(usize, usize),
+    ) -> Result<Vec<Row>> {
         self.check()?;
         progress(0, list.len());
         let mut rows = vec![Row::default(); list.len()];
         let mut done = 0;
-        self.register(list, (0..list.len()).collect(), |row| {
+        self.register_pairs(list, (0..list.len()).collect(), |row| {
             let index = row.index;
             rows[index] = row;
             done += 1;
@@ -241,33 +245,33 @@ impl<'a> Batch<'a> {
     }
 
     /// Looks at what an earlier run has left: whether that is all there is to do.
-    fn complete(&self, output: &Path, journal: &Path) -> Result<bool> {
+    fn is_complete(&self, output: &Path, journal: &Path) -> Result<bool> {
         let refuse = |rule: String| Err(Error::config("output", output.display(), rule));
         if output.exists() && !output.is_file() {
             return refuse("is not a regular file".into());
         }
         match (self.start, output.exists(), journal.exists()) {
-            (Start::Fresh, _, true) => refuse(format!(
+            (StartMode::Fresh, _, true) => refuse(format!(
                 "an earlier run has left {}: go on from it with --resume, or start anew with \
                  --overwrite",
                 journal.display()
             )),
-            (Start::Fresh, true, false) => {
+            (StartMode::Fresh, true, false) => {
                 refuse("is there already: replace it with --overwrite".into())
             }
-            (Start::Resume, true, false) => Ok(true),
+            (StartMode::Resume, true, false) => Ok(true),
             _ => Ok(false),
         }
     }
 
     /// What rows depend on: a journal with another header is of another run.
-    fn header(&self, list: &List) -> Value {
+    fn header(&self, list: &PairList) -> Value {
         json!({
             "cfreg": env!("CARGO_PKG_VERSION"),
             "list": format!("{:016x}", list.hash()),
             "pairs": list.len(),
             "folder": list.folder(),
-            "clouds": (!self.given.is_empty()).then(|| format!("{:016x}", self.content())),
+            "clouds": (!self.in_memory.is_empty()).then(|| format!("{:016x}", self.hash_in_memory())),
             "method": self.settings,
             "viewpoints": self.viewpoints,
             "keep_no_returns": self.keep_no_returns,
@@ -277,21 +281,21 @@ impl<'a> Batch<'a> {
     }
 
     /// A number that differs between clouds that are given.
-    fn content(&self) -> u64 {
-        let mut names: Vec<&String> = self.given.keys().collect();
+    fn hash_in_memory(&self) -> u64 {
+        let mut names: Vec<&String> = self.in_memory.keys().collect();
         names.sort();
-        let mut hash = Hash::default();
+        let mut hash = Fnv1a::default();
         for name in names {
-            hash.add(name);
-            cloud_cache::add(&mut hash, &self.given[name]);
+            hash.add_text(name);
+            cloud_cache::hash_cloud(&mut hash, &self.in_memory[name]);
         }
         hash.value()
     }
 
     /// Registers these pairs, and gives each row to `give` as it comes, in no fixed order.
-    fn register(
+    fn register_pairs(
         &self,
-        list: &List,
+        list: &PairList,
         pairs: Vec<usize>,
         mut give: impl FnMut(Row) -> Result<()>,
     ) -> Result<()> {
@@ -301,14 +305,14 @@ impl<'a> Batch<'a> {
         let mut failed = None;
         let take = |row: Option<Option<Row>>| {
             if ended() {
-                watch.end_all();
+                watch.interrupt_all();
                 return ControlFlow::Break(());
             }
-            watch.end_late(self.time_limit);
+            watch.interrupt_late(self.time_limit);
             let Some(row) = row.flatten() else { return ControlFlow::Continue(()) };
             if let Err(error) = give(row) {
                 failed = Some(error);
-                watch.end_all();
+                watch.interrupt_all();
                 return ControlFlow::Break(());
             }
             ControlFlow::Continue(())
@@ -316,8 +320,8 @@ impl<'a> Batch<'a> {
         par::worker_pool(
             self.threads,
             pairs.into_iter(),
-            |index| self.row(index, list, &clouds, &watch),
-            TICK,
+            |index| self.register_pair(index, list, &clouds, &watch),
+            POLL_INTERVAL,
             take,
         )?;
         match failed {
@@ -328,10 +332,10 @@ impl<'a> Batch<'a> {
     }
 
     /// One pair; `None` when all work is to end.
-    fn row(
+    fn register_pair(
         &self,
         index: usize,
-        list: &List,
+        list: &PairList,
         clouds: &CloudCache,
         watch: &Deadlines,
     ) -> Option<Row> {
@@ -339,10 +343,10 @@ impl<'a> Batch<'a> {
         let mut row = Row::new(index, names);
         let mut seconds = None;
         let guarded = AssertUnwindSafe(|| -> std::result::Result<Registration, String> {
-            let found = watch.begin(index).guard(|| {
+            let found = watch.start(index).guard(|| {
                 let [source, target] = names;
-                let source = self.cloud(list.folder(), source, 0, clouds)?;
-                let target = self.cloud(list.folder(), target, 1, clouds)?;
+                let source = self.load_cloud(list.folder(), source, 0, clouds)?;
+                let target = self.load_cloud(list.folder(), target, 1, clouds)?;
                 par::checkpoint();
                 let start = Instant::now();
                 let found = self.method.register_cached(source.cached(), target.cached());
@@ -357,13 +361,13 @@ impl<'a> Batch<'a> {
                 (error, _) => Err(error.to_string()),
             })
         });
-        let found =
-            catch_unwind(guarded).unwrap_or_else(|panic| Err(panic_hook::words(panic.as_ref())));
+        let found = catch_unwind(guarded)
+            .unwrap_or_else(|panic| Err(panic_hook::panic_message(panic.as_ref())));
         if watch.finish(index) {
             return None;
         }
         match found {
-            Ok(found) => row.fill(&found),
+            Ok(found) => row.set_registration(&found),
             Err(error) => row.error = Some(error),
         }
         row.seconds = seconds;
@@ -371,16 +375,16 @@ impl<'a> Batch<'a> {
     }
 
     /// The cloud of that name, thinned for that side of a pair.
-    fn cloud(
+    fn load_cloud(
         &self,
         folder: &Path,
         name: &str,
         side: u64,
         clouds: &CloudCache,
-    ) -> cloud_cache::Read {
+    ) -> cloud_cache::ReadResult {
         let path = folder.join(name);
         clouds.get(&path, side, || {
-            let cloud = match self.given.get(name) {
+            let cloud = match self.in_memory.get(name) {
                 Some(given) => given.as_ref().clone(),
                 None => io::read(&path)?,
             };

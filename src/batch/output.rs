@@ -6,30 +6,30 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::columns::Flat;
+use super::columns::FlatRow;
 use super::journal::Journal;
-use super::run_file::{RUN, beside, is_run};
-use super::{List, Row};
+use super::run_file::{RUN_HEADER_SUFFIX, is_run_header, with_suffix};
+use super::{PairList, Row};
 use crate::error::{Error, Result};
 use crate::io::limited_file;
 use crate::io::outputs::{self, FileIdentity};
 
 /// Kinds of files that results are written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Format {
+pub(super) enum ResultsFormat {
     Csv,
     JsonLines,
     Parquet,
 }
 
-impl Format {
+impl ResultsFormat {
     /// By the extension of `path`.
-    pub(super) fn of(path: &Path) -> Result<Format> {
+    pub(super) fn from_path(path: &Path) -> Result<ResultsFormat> {
         let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match end.as_str() {
-            "csv" => Ok(Format::Csv),
-            "jsonl" => Ok(Format::JsonLines),
-            "parquet" if cfg!(feature = "parquet") => Ok(Format::Parquet),
+            "csv" => Ok(ResultsFormat::Csv),
+            "jsonl" => Ok(ResultsFormat::JsonLines),
+            "parquet" if cfg!(feature = "parquet") => Ok(ResultsFormat::Parquet),
             "parquet" => {
                 let rule = "was built without the feature parquet: name a .csv or .jsonl";
                 Err(Error::config("output", path.display(), rule))
@@ -43,15 +43,15 @@ impl Format {
 
     /// What the run that wrote `path` was asked for: Parquet has it within, beside the others is
     /// a file. `None` where it has not, or there is none.
-    pub(super) fn asked_for(self, path: &Path) -> Result<Option<Value>> {
+    pub(super) fn read_run_header(self, path: &Path) -> Result<Option<Value>> {
         match self {
             #[cfg(feature = "parquet")]
-            Format::Parquet => super::parquet::asked_for(path),
+            ResultsFormat::Parquet => super::parquet::read_run_header(path),
             #[cfg(not(feature = "parquet"))]
-            Format::Parquet => Ok(None),
-            Format::Csv | Format::JsonLines => {
+            ResultsFormat::Parquet => Ok(None),
+            ResultsFormat::Csv | ResultsFormat::JsonLines => {
                 const WHAT: &str = "what a run was asked for";
-                let path = beside(path, RUN);
+                let path = with_suffix(path, RUN_HEADER_SUFFIX);
                 match path.exists() {
                     true => Ok(serde_json::from_slice(&limited_file::read_bytes(
                         &path,
@@ -75,32 +75,32 @@ impl Format {
         times: bool,
         asked_for: &Value,
     ) -> Result<()> {
-        if self != Format::Parquet {
-            whole(&beside(path, RUN), |mut file, failed| {
+        if self != ResultsFormat::Parquet {
+            write_atomically(&with_suffix(path, RUN_HEADER_SUFFIX), |mut file, failed| {
                 file.write_all(format!("{asked_for:#}\n").as_bytes()).map_err(failed)
             })?;
         }
-        whole(path, |file, failed| match self {
-            Format::Csv => csv(file, rows, times, &failed),
-            Format::JsonLines => json_lines(file, rows, times, &failed),
+        write_atomically(path, |file, failed| match self {
+            ResultsFormat::Csv => write_csv(file, rows, times, &failed),
+            ResultsFormat::JsonLines => write_json_lines(file, rows, times, &failed),
             #[cfg(feature = "parquet")]
-            Format::Parquet => super::parquet::write(file, rows, times, asked_for, &failed),
+            ResultsFormat::Parquet => super::parquet::write(file, rows, times, asked_for, &failed),
             #[cfg(not(feature = "parquet"))]
-            Format::Parquet => Ok(()),
+            ResultsFormat::Parquet => Ok(()),
         })
     }
 }
 
 /// Refuses an output that would take the place of something else: a file that is not of an
 /// earlier run where this one writes beside the output, the list, or one of its clouds.
-pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
+pub(super) fn check(output: &Path, format: ResultsFormat, list: &PairList) -> Result<()> {
     let refuse = |path: &Path, rule: &str| Err(Error::config("output", path.display(), rule));
-    let journal = Journal::beside(output);
+    let journal = Journal::path_for(output);
     Journal::check(&journal)?;
     let mut written = vec![output.to_path_buf(), journal];
-    if format != Format::Parquet {
-        let run = beside(output, RUN);
-        if run.exists() && !format.asked_for(output)?.is_some_and(|run| is_run(&run)) {
+    if format != ResultsFormat::Parquet {
+        let run = with_suffix(output, RUN_HEADER_SUFFIX);
+        if run.exists() && !format.read_run_header(output)?.is_some_and(|run| is_run_header(&run)) {
             return refuse(
                 &run,
                 "is there and was not written by this program: move it, or name another output",
@@ -128,7 +128,7 @@ pub(super) fn check(output: &Path, format: Format, list: &List) -> Result<()> {
 }
 
 /// Has `path` written by `write`, under a name that nobody has until it is on the disk.
-fn whole(
+fn write_atomically(
     path: &Path,
     write: impl FnOnce(&File, &dyn Fn(io::Error) -> Error) -> Result<()>,
 ) -> Result<()> {
@@ -151,7 +151,7 @@ fn sync_folder(path: &Path) {
     }
 }
 
-fn csv(
+fn write_csv(
     file: &File,
     rows: impl Iterator<Item = Result<Row>>,
     times: bool,
@@ -160,15 +160,17 @@ fn csv(
     let mut table = csv::Writer::from_writer(file);
     let refuse = |error: csv::Error| failed(error.into());
     let titles = Row::default();
-    table.write_record(titles.cells(times).iter().map(|(name, _)| name)).map_err(refuse)?;
+    table.write_record(titles.column_values(times).iter().map(|(name, _)| name)).map_err(refuse)?;
     for row in rows {
         let row = row?;
-        table.write_record(row.cells(times).iter().map(|(_, cell)| cell.word())).map_err(refuse)?;
+        table
+            .write_record(row.column_values(times).iter().map(|(_, cell)| cell.to_csv()))
+            .map_err(refuse)?;
     }
     table.flush().map_err(failed)
 }
 
-fn json_lines(
+fn write_json_lines(
     file: &File,
     rows: impl Iterator<Item = Result<Row>>,
     times: bool,
@@ -177,7 +179,7 @@ fn json_lines(
     let mut out = BufWriter::new(file);
     for row in rows {
         let row = row?;
-        serde_json::to_writer(&mut out, &Flat(&row.cells(times)))
+        serde_json::to_writer(&mut out, &FlatRow(&row.column_values(times)))
             .map_err(|error| failed(error.into()))?;
         out.write_all(b"\n").map_err(failed)?;
     }

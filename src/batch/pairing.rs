@@ -29,7 +29,7 @@ pub fn sequential_pairs(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>
 }
 
 /// Most pairs that a list is made of. Chosen by hand: at a hundred a second they take a week.
-const MOST_PAIRS: usize = 60_000_000;
+const MAX_PAIRS: usize = 60_000_000;
 
 /// All pairs of scans that stood at most `radius` from each other, in the unit of `places`.
 ///
@@ -59,8 +59,8 @@ pub fn radius_pairs(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
                 break;
             }
             if math::norm(math::sub(places[one], places[other])) <= radius {
-                if pairs.len() == MOST_PAIRS {
-                    let rule = format!("makes more than {MOST_PAIRS} pairs: take a smaller one");
+                if pairs.len() == MAX_PAIRS {
+                    let rule = format!("makes more than {MAX_PAIRS} pairs: take a smaller one");
                     return Err(Error::config("radius", radius, rule));
                 }
                 pairs.push([one.max(other), one.min(other)]);

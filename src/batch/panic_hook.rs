@@ -10,23 +10,23 @@ use crate::par;
 
 thread_local! {
     /// Where the last panic of this thread was.
-    static PLACE: RefCell<Option<String>> = const { RefCell::new(None) };
+    static PANIC_LOCATION: RefCell<Option<String>> = const { RefCell::new(None) };
     /// Whether panics of this thread are told by an error, and not printed.
-    static CAUGHT: Cell<bool> = const { Cell::new(false) };
+    static IS_SILENT: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Has the row of a pair in which a panic happens say where, and nothing printed. It is the hook
 /// of the whole process that is changed, once; panics elsewhere are printed as before.
 pub fn install_panic_hook() {
-    ROWS.store(true, Ordering::Relaxed);
-    install();
+    RECORD_IN_ROWS.store(true, Ordering::Relaxed);
+    install_once();
 }
 
 /// Whether panics of pairs are told by their rows.
-static ROWS: AtomicBool = AtomicBool::new(false);
+static RECORD_IN_ROWS: AtomicBool = AtomicBool::new(false);
 
 /// Puts a hook before that of the process, once. It keeps to threads that say so.
-fn install() {
+fn install_once() {
     static ONCE: Once = Once::new();
     // No hook can be set by a thread that panics.
     if std::thread::panicking() {
@@ -35,11 +35,11 @@ fn install() {
     ONCE.call_once(|| {
         let others = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
-            if CAUGHT.get() {
+            if IS_SILENT.get() {
                 return;
             }
-            match par::in_worker() && ROWS.load(Ordering::Relaxed) {
-                true => PLACE.set(panic.location().map(ToString::to_string)),
+            match par::in_worker() && RECORD_IN_ROWS.load(Ordering::Relaxed) {
+                true => PANIC_LOCATION.set(panic.location().map(ToString::to_string)),
                 false => others(panic),
             }
         }));
@@ -47,18 +47,18 @@ fn install() {
 }
 
 /// What `work` gives, or that it panicked, of which nothing is printed.
-pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, ()> {
-    install();
-    let before = CAUGHT.replace(true);
+pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, ()> {
+    install_once();
+    let before = IS_SILENT.replace(true);
     let found = panic::catch_unwind(AssertUnwindSafe(work));
-    CAUGHT.set(before);
+    IS_SILENT.set(before);
     found.map_err(drop)
 }
 
 /// What a panic of this thread said.
-pub(super) fn words(panic: &(dyn Any + Send)) -> String {
+pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
-    let place = PLACE.take().map(|place| format!(" ({place})")).unwrap_or_default();
+    let place = PANIC_LOCATION.take().map(|place| format!(" ({place})")).unwrap_or_default();
     format!("a bug, please report it: {text}{place}")
 }

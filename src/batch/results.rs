@@ -11,7 +11,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::Value;
 
 use super::Row;
-use super::output::Format;
+use super::output::ResultsFormat;
 use crate::error::{Error, Result};
 use crate::io::CsvReader;
 use crate::io::limited_file::{self, LimitedFile};
@@ -26,10 +26,10 @@ use crate::io::limited_file::{self, LimitedFile};
 pub fn read(path: &Path) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     if !path.is_dir() {
-        Format::of(path)?;
+        ResultsFormat::from_path(path)?;
         let mut budget = LimitedFile::open(path)?.budget();
-        each(path, |row| {
-            let bytes = limited_file::GROWTH_FACTOR * size_of::<Row>() + row.texts();
+        for_each_row(path, |row| {
+            let bytes = limited_file::GROWTH_FACTOR * size_of::<Row>() + row.text_bytes();
             budget.reserve(bytes).map_err(|what| Error::parse(path, None, what))?;
             rows.push(row);
             Ok(())
@@ -72,21 +72,21 @@ pub fn parse(json_lines: &str) -> Result<Vec<Row>> {
 ///
 /// # Errors
 /// Those of [`read`], and the first of `take`.
-pub(super) fn each(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
-    match Format::of(path)? {
-        Format::Csv => csv(path, take),
-        Format::JsonLines => json_lines(path, take),
+pub(super) fn for_each_row(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
+    match ResultsFormat::from_path(path)? {
+        ResultsFormat::Csv => read_csv(path, take),
+        ResultsFormat::JsonLines => read_json_lines(path, take),
         #[cfg(feature = "parquet")]
-        Format::Parquet => super::parquet::rows(path, |number, cells| {
+        ResultsFormat::Parquet => super::parquet::read_rows(path, |number, cells| {
             let row = Row::read(cells);
             take(row.map_err(|what| Error::parse(path, None, format!("row {number}: {what}")))?)
         }),
         #[cfg(not(feature = "parquet"))]
-        Format::Parquet => Ok(()),
+        ResultsFormat::Parquet => Ok(()),
     }
 }
 
-fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
+fn read_csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
     let mut sheet = CsvReader::open(path)?;
     while sheet.next()? {
         let row = Row::read(|name| sheet.find(name).map(Value::from));
@@ -95,7 +95,7 @@ fn csv(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
     Ok(())
 }
 
-fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
+fn read_json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()> {
     let mut reader = BufReader::new(LimitedFile::open(path)?);
     let mut line = Vec::new();
     for number in 1.. {
@@ -110,28 +110,29 @@ fn json_lines(path: &Path, mut take: impl FnMut(Row) -> Result<()>) -> Result<()
 }
 
 fn json_row(line: &[u8]) -> std::result::Result<Row, String> {
-    let Cells(cells) = serde_json::from_slice(line).map_err(|error| error.to_string())?;
+    let RowCells(cells) = serde_json::from_slice(line).map_err(|error| error.to_string())?;
     Row::read(|name| cells.get(name).cloned())
 }
 
 /// The cells of a row that are columns; others are passed over.
-struct Cells(HashMap<String, Value>);
+struct RowCells(HashMap<String, Value>);
 
 /// Names of the columns.
-static COLUMNS: LazyLock<HashSet<String>> =
-    LazyLock::new(|| Row::default().cells(true).into_iter().map(|(name, _)| name).collect());
+static COLUMNS: LazyLock<HashSet<String>> = LazyLock::new(|| {
+    Row::default().column_values(true).into_iter().map(|(name, _)| name).collect()
+});
 
-impl<'de> Deserialize<'de> for Cells {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Cells, D::Error> {
-        struct Columns;
-        impl<'de> Visitor<'de> for Columns {
-            type Value = Cells;
+impl<'de> Deserialize<'de> for RowCells {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RowCells, D::Error> {
+        struct RowCellsVisitor;
+        impl<'de> Visitor<'de> for RowCellsVisitor {
+            type Value = RowCells;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a row, as {\"index\": 0, ...}")
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Cells, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RowCells, A::Error> {
                 let mut cells = HashMap::new();
                 while let Some(name) = map.next_key::<String>()? {
                     match COLUMNS.contains(&name) {
@@ -139,10 +140,10 @@ impl<'de> Deserialize<'de> for Cells {
                         false => _ = map.next_value::<IgnoredAny>()?,
                     }
                 }
-                Ok(Cells(cells))
+                Ok(RowCells(cells))
             }
         }
-        deserializer.deserialize_map(Columns)
+        deserializer.deserialize_map(RowCellsVisitor)
     }
 }
 
@@ -151,8 +152,8 @@ struct Scalar(Value);
 
 impl<'de> Deserialize<'de> for Scalar {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Scalar, D::Error> {
-        struct Single;
-        impl Visitor<'_> for Single {
+        struct ScalarVisitor;
+        impl Visitor<'_> for ScalarVisitor {
             type Value = Scalar;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -183,6 +184,6 @@ impl<'de> Deserialize<'de> for Scalar {
                 Ok(Scalar(Value::Null))
             }
         }
-        deserializer.deserialize_any(Single)
+        deserializer.deserialize_any(ScalarVisitor)
     }
 }

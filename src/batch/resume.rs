@@ -4,10 +4,10 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::journal::difference;
-use super::output::Format;
-use super::run_file::{RUN, beside};
-use super::{List, Summary, results};
+use super::journal::header_difference;
+use super::output::ResultsFormat;
+use super::run_file::{RUN_HEADER_SUFFIX, with_suffix};
+use super::{PairList, Summary, results};
 use crate::error::{Error, Result};
 
 /// What is in an output that has all rows.
@@ -15,23 +15,24 @@ use crate::error::{Error, Result};
 /// # Errors
 /// [`Error::Config`] when it is of another list or of other settings, or when nothing tells which
 /// those were; those of reading it.
-pub(super) fn summary(
+pub(super) fn summarize_complete(
     output: &Path,
-    format: Format,
-    list: &List,
+    format: ResultsFormat,
+    list: &PairList,
     header: &Value,
 ) -> Result<Summary> {
     let refuse = |rule: String| Error::config("resume", output.display(), rule);
-    let Some(begun) = format.asked_for(output)? else {
-        let within = format == Format::Parquet;
-        let place = if within { output.to_path_buf() } else { beside(output, RUN) };
+    let Some(begun) = format.read_run_header(output)? else {
+        let within = format == ResultsFormat::Parquet;
+        let place =
+            if within { output.to_path_buf() } else { with_suffix(output, RUN_HEADER_SUFFIX) };
         return Err(refuse(format!(
             "nothing tells what it was made with, which {} should: start anew with --overwrite, \
              or name another output",
             place.display()
         )));
     };
-    if let Some(rule) = difference(&begun, header) {
+    if let Some(rule) = header_difference(&begun, header) {
         return Err(refuse(rule));
     }
     let other = |index: usize| {
@@ -41,7 +42,7 @@ pub(super) fn summary(
         ))
     };
     let mut summary = Summary { pairs: list.len(), ..Summary::default() };
-    results::each(output, |row| {
+    results::for_each_row(output, |row| {
         let index = summary.resumed;
         let same = index < list.len()
             && row.index == index

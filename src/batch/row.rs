@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::columns::{Cell, Column};
+use super::columns::{CellValue, Column};
 use crate::cloud::Transform;
 use crate::io;
 use crate::math::cholesky::Mat6;
@@ -78,18 +78,19 @@ pub struct Row {
 impl Row {
     /// All columns of rows with their names, in order; `times` says whether `seconds` is one.
     pub fn columns(rows: &[Row], times: bool) -> Vec<(String, Column)> {
-        let empty = |(name, cell): (String, Cell)| {
+        let empty = |(name, cell): (String, CellValue)| {
             let column = match cell {
-                Cell::Text(_) => Column::Text(Vec::new()),
-                Cell::Flag(_) => Column::Flag(Vec::new()),
-                Cell::Count(_) => Column::Count(Vec::new()),
-                Cell::Number(_) => Column::Number(Vec::new()),
+                CellValue::Text(_) => Column::Text(Vec::new()),
+                CellValue::Flag(_) => Column::Flag(Vec::new()),
+                CellValue::Count(_) => Column::Count(Vec::new()),
+                CellValue::Number(_) => Column::Number(Vec::new()),
             };
             (name, column)
         };
-        let mut columns: Vec<_> = Row::default().cells(times).into_iter().map(empty).collect();
+        let mut columns: Vec<_> =
+            Row::default().column_values(times).into_iter().map(empty).collect();
         for row in rows {
-            for ((_, column), (_, cell)) in columns.iter_mut().zip(row.cells(times)) {
+            for ((_, column), (_, cell)) in columns.iter_mut().zip(row.column_values(times)) {
                 column.push(cell);
             }
         }
@@ -102,30 +103,30 @@ impl Row {
     }
 
     /// Takes over what was found.
-    pub(super) fn fill(&mut self, found: &Registration) {
+    pub(super) fn set_registration(&mut self, found: &Registration) {
         let Registration { transform, evaluation, points, .. } = found;
         let doubts: Vec<String> = found.doubts.iter().map(ToString::to_string).collect();
         self.trusted = Some(found.trusted);
         self.doubts = Some(doubts.join("; ")).filter(|words| !words.is_empty());
         if let Some(verdict) = &found.verdict {
             self.decision = Some(verdict.decision.to_string());
-            self.probability = finite(verdict.probability);
-            self.overlap = finite(verdict.overlap);
+            self.probability = finite_or_none(verdict.probability);
+            self.overlap = finite_or_none(verdict.overlap);
             self.reasons = Some(verdict.reasons.join("; ")).filter(|words| !words.is_empty());
             if let Some(covariance) = &verdict.covariance {
-                self.covariance = Some(triangle(&covariance.matrix));
-                self.information = covariance.information().as_ref().map(triangle);
+                self.covariance = Some(upper_triangle(&covariance.matrix));
+                self.information = covariance.information().as_ref().map(upper_triangle);
                 self.center = Some(covariance.center);
                 self.undetermined = Some(covariance.unobservable.len());
             }
         }
-        self.pose = Some(entries(transform));
-        self.scale = finite(transform.scale);
-        self.fitness = finite(evaluation.fitness);
-        self.target_fitness = finite(evaluation.target_fitness);
-        self.inlier_rmse = finite(evaluation.inlier_rmse);
-        self.max_distance = finite(evaluation.max_distance);
-        self.agreement = finite(evaluation.chance_corrected_fitness());
+        self.pose = Some(matrix_entries(transform));
+        self.scale = finite_or_none(transform.scale);
+        self.fitness = finite_or_none(evaluation.fitness);
+        self.target_fitness = finite_or_none(evaluation.target_fitness);
+        self.inlier_rmse = finite_or_none(evaluation.inlier_rmse);
+        self.max_distance = finite_or_none(evaluation.max_distance);
+        self.agreement = finite_or_none(evaluation.chance_corrected_fitness());
         self.source_points = Some(points.source.used);
         self.target_points = Some(points.target.used);
         self.iterations = Some(found.iterations as usize);
@@ -151,57 +152,57 @@ impl Row {
     }
 
     /// Bytes of its texts.
-    pub(super) fn texts(&self) -> usize {
+    pub(super) fn text_bytes(&self) -> usize {
         let Row { source, target, error, doubts, decision, reasons, .. } = self;
         let words = [error, doubts, decision, reasons].into_iter().flatten();
         [source, target].into_iter().chain(words).map(String::len).sum()
     }
 
     /// Its cells with the names of their columns, in order: the same for every row.
-    pub(super) fn cells(&self, times: bool) -> Vec<(String, Cell<'_>)> {
-        let count = |count: Option<usize>| Cell::Count(count.map(|count| count as i64));
-        let mut cells: Vec<(String, Cell)> = [
+    pub(super) fn column_values(&self, times: bool) -> Vec<(String, CellValue<'_>)> {
+        let count = |count: Option<usize>| CellValue::Count(count.map(|count| count as i64));
+        let mut cells: Vec<(String, CellValue)> = [
             ("index", count(Some(self.index))),
-            ("source", Cell::Text(Some(&self.source))),
-            ("target", Cell::Text(Some(&self.target))),
-            ("error", Cell::Text(self.error.as_deref())),
-            ("trusted", Cell::Flag(self.trusted)),
-            ("doubts", Cell::Text(self.doubts.as_deref())),
-            ("decision", Cell::Text(self.decision.as_deref())),
-            ("probability", Cell::Number(self.probability)),
-            ("overlap", Cell::Number(self.overlap)),
-            ("reasons", Cell::Text(self.reasons.as_deref())),
+            ("source", CellValue::Text(Some(&self.source))),
+            ("target", CellValue::Text(Some(&self.target))),
+            ("error", CellValue::Text(self.error.as_deref())),
+            ("trusted", CellValue::Flag(self.trusted)),
+            ("doubts", CellValue::Text(self.doubts.as_deref())),
+            ("decision", CellValue::Text(self.decision.as_deref())),
+            ("probability", CellValue::Number(self.probability)),
+            ("overlap", CellValue::Number(self.overlap)),
+            ("reasons", CellValue::Text(self.reasons.as_deref())),
         ]
         .map(|(name, cell)| (name.to_string(), cell))
         .into();
         for k in 0..16 {
-            let entry = Cell::Number(self.pose.map(|pose| pose[k]));
+            let entry = CellValue::Number(self.pose.map(|pose| pose[k]));
             cells.push((format!("t{}{}", k / 4, k % 4), entry));
         }
-        cells.push(("scale".into(), Cell::Number(self.scale)));
+        cells.push(("scale".into(), CellValue::Number(self.scale)));
         for (name, triangle) in [("cov", self.covariance), ("info", self.information)] {
             for k in 0..21 {
-                let number = Cell::Number(triangle.map(|triangle| triangle[k]));
-                cells.push((entry(name, k), number));
+                let number = CellValue::Number(triangle.map(|triangle| triangle[k]));
+                cells.push((entry_name(name, k), number));
             }
         }
-        for (axis, name) in CENTER.into_iter().enumerate() {
-            cells.push((name.into(), Cell::Number(self.center.map(|center| center[axis]))));
+        for (axis, name) in CENTER_COLUMNS.into_iter().enumerate() {
+            cells.push((name.into(), CellValue::Number(self.center.map(|center| center[axis]))));
         }
         let rest = [
             ("undetermined", count(self.undetermined)),
-            ("fitness", Cell::Number(self.fitness)),
-            ("target_fitness", Cell::Number(self.target_fitness)),
-            ("inlier_rmse", Cell::Number(self.inlier_rmse)),
-            ("max_distance", Cell::Number(self.max_distance)),
-            ("agreement", Cell::Number(self.agreement)),
+            ("fitness", CellValue::Number(self.fitness)),
+            ("target_fitness", CellValue::Number(self.target_fitness)),
+            ("inlier_rmse", CellValue::Number(self.inlier_rmse)),
+            ("max_distance", CellValue::Number(self.max_distance)),
+            ("agreement", CellValue::Number(self.agreement)),
             ("source_points", count(self.source_points)),
             ("target_points", count(self.target_points)),
             ("iterations", count(self.iterations)),
         ];
         cells.extend(rest.map(|(name, cell)| (name.to_string(), cell)));
         if times {
-            cells.push(("seconds".into(), Cell::Number(self.seconds)));
+            cells.push(("seconds".into(), CellValue::Number(self.seconds)));
         }
         cells
     }
@@ -230,7 +231,7 @@ impl Row {
             Some(Value::String(word)) if word == "true" => Ok(Some(true)),
             Some(Value::String(word)) if word == "false" => Ok(Some(false)),
             Some(value) => {
-                Err(format!("column {name}: {} is neither true nor false", words(&value)))
+                Err(format!("column {name}: {} is neither true nor false", format_value(&value)))
             }
         };
         let number = |name: &str| {
@@ -238,7 +239,7 @@ impl Row {
             let found = value.as_f64().or_else(|| value.as_str()?.parse().ok());
             match found.filter(|number| number.is_finite()) {
                 Some(number) => Ok(Some(number)),
-                None => Err(format!("column {name}: {} is not a number", words(&value))),
+                None => Err(format!("column {name}: {} is not a number", format_value(&value))),
             }
         };
         let count = |name: &str| match number(name)? {
@@ -260,11 +261,11 @@ impl Row {
             probability: number("probability")?,
             overlap: number("overlap")?,
             reasons: text("reasons")?,
-            pose: numbers(|k| number(&format!("t{}{}", k / 4, k % 4)))?,
+            pose: all_or_none(|k| number(&format!("t{}{}", k / 4, k % 4)))?,
             scale: number("scale")?,
-            covariance: numbers(|k| number(&entry("cov", k)))?,
-            information: numbers(|k| number(&entry("info", k)))?,
-            center: numbers(|k| number(CENTER[k]))?,
+            covariance: all_or_none(|k| number(&entry_name("cov", k)))?,
+            information: all_or_none(|k| number(&entry_name("info", k)))?,
+            center: all_or_none(|k| number(CENTER_COLUMNS[k]))?,
             undetermined: count("undetermined")?,
             fitness: number("fitness")?,
             target_fitness: number("target_fitness")?,
@@ -280,7 +281,7 @@ impl Row {
 }
 
 /// All of them, or nothing where one is missing.
-fn numbers<const N: usize>(
+fn all_or_none<const N: usize>(
     get: impl Fn(usize) -> Result<Option<f64>, String>,
 ) -> Result<Option<[f64; N]>, String> {
     let mut all = [0.0; N];
@@ -292,41 +293,41 @@ fn numbers<const N: usize>(
 }
 
 /// JSON, in which rows are kept, has neither NaN nor infinity.
-fn finite(value: f64) -> Option<f64> {
+fn finite_or_none(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
 }
 
-fn entries(transform: &Transform) -> [f64; 16] {
+fn matrix_entries(transform: &Transform) -> [f64; 16] {
     let matrix = transform.matrix();
     // Adding zero turns -0 into 0.
     std::array::from_fn(|k| matrix[k / 4][k % 4] + 0.0)
 }
 
-const CENTER: [&str; 3] = ["center_x", "center_y", "center_z"];
+const CENTER_COLUMNS: [&str; 3] = ["center_x", "center_y", "center_z"];
 
 /// The name of an entry of an upper triangle.
-fn entry(name: &str, k: usize) -> String {
-    let (i, j) = upper().nth(k).unwrap_or_default();
+fn entry_name(name: &str, k: usize) -> String {
+    let (i, j) = upper_triangle_indices().nth(k).unwrap_or_default();
     format!("{name}{i}{j}")
 }
 
 /// Rows and columns of the upper triangle of a 6×6 matrix.
-pub(super) fn upper() -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn upper_triangle_indices() -> impl Iterator<Item = (usize, usize)> {
     (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
 }
 
-fn triangle(matrix: &Mat6) -> [f64; 21] {
+fn upper_triangle(matrix: &Mat6) -> [f64; 21] {
     let mut triangle = [0.0; 21];
-    for (value, (i, j)) in triangle.iter_mut().zip(upper()) {
+    for (value, (i, j)) in triangle.iter_mut().zip(upper_triangle_indices()) {
         *value = matrix[i][j];
     }
     triangle
 }
 
 /// The symmetric matrix with that upper triangle.
-pub(crate) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
+pub(crate) fn symmetric_from_triangle(triangle: &[f64; 21]) -> Mat6 {
     let mut matrix = [[0.0; 6]; 6];
-    for (&value, (i, j)) in triangle.iter().zip(upper()) {
+    for (&value, (i, j)) in triangle.iter().zip(upper_triangle_indices()) {
         matrix[i][j] = value;
         matrix[j][i] = value;
     }
@@ -334,7 +335,7 @@ pub(crate) fn symmetric(triangle: &[f64; 21]) -> Mat6 {
 }
 
 /// The beginning of a value, as messages have it.
-fn words(value: &Value) -> String {
+fn format_value(value: &Value) -> String {
     match value {
         Value::String(text) => io::quote_start(text),
         other => other.to_string(),
@@ -346,7 +347,7 @@ mod tests {
     use std::collections::HashMap;
 
     use super::*;
-    use crate::batch::columns::Flat;
+    use crate::batch::columns::FlatRow;
 
     #[test]
     fn a_row_comes_back_from_json_to_the_last_bit() {
@@ -361,31 +362,31 @@ mod tests {
         assert_eq!(serde_json::from_str::<Row>(&text).unwrap(), row);
         // Every row has the same columns of the same kinds.
         let columns = |row: &Row| -> Vec<_> {
-            let kind = |cell: &Cell| match cell {
-                Cell::Text(_) => "text",
-                Cell::Flag(_) => "flag",
-                Cell::Count(_) => "count",
-                Cell::Number(_) => "number",
+            let kind = |cell: &CellValue| match cell {
+                CellValue::Text(_) => "text",
+                CellValue::Flag(_) => "flag",
+                CellValue::Count(_) => "count",
+                CellValue::Number(_) => "number",
             };
-            row.cells(true).iter().map(|(name, cell)| (name.clone(), kind(cell))).collect()
+            row.column_values(true).iter().map(|(name, cell)| (name.clone(), kind(cell))).collect()
         };
         assert_eq!(columns(&row), columns(&empty));
         let of = Row::columns(&[row.clone(), empty.clone()], true);
         assert_eq!(of[0], ("index".into(), Column::Count(vec![Some(3), Some(3)])));
         assert_eq!(of[1].1, Column::Text(vec![Some("a,b.ply".into()), Some("a,b.ply".into())]));
         assert_eq!(of.last().unwrap().1, Column::Number(vec![Some(0.1), None]));
-        assert_eq!(row.cells(false).len() + 1, row.cells(true).len());
-        let flat = serde_json::to_value(Flat(&row.cells(true))).unwrap();
+        assert_eq!(row.column_values(false).len() + 1, row.column_values(true).len());
+        let flat = serde_json::to_value(FlatRow(&row.column_values(true))).unwrap();
         assert_eq!((&flat["t33"], &flat["center_z"]), (&2.0.into(), &0.3.into()));
         // And back from what is written.
-        let read = |cells: &[(String, Cell)]| {
+        let read = |cells: &[(String, CellValue)]| {
             let words: HashMap<_, _> =
-                cells.iter().map(|(name, cell)| (name, cell.word())).collect();
+                cells.iter().map(|(name, cell)| (name, cell.to_csv())).collect();
             Row::read(|name| words.get(&name.to_string()).map(|word| word.as_str().into()))
         };
         assert_eq!(Row::read(|name| flat.get(name).cloned()), Ok(row.clone()));
-        assert_eq!(read(&row.cells(true)), Ok(row.clone()));
-        assert_eq!(read(&empty.cells(false)), Ok(empty.clone()));
+        assert_eq!(read(&row.column_values(true)), Ok(row.clone()));
+        assert_eq!(read(&empty.column_values(false)), Ok(empty.clone()));
         let broken = |column: &'static str, value: Value| {
             let get =
                 |name: &str| Some(if name == column { &value } else { flat.get(name)? }.clone());
@@ -397,7 +398,8 @@ mod tests {
         assert!(broken("source", Value::Null).contains("nothing in it"));
         assert_eq!(flat["cov55"], 20f64.sqrt() * 1e-300);
         assert!(
-            flat["error"].is_null() && flat.as_object().unwrap().len() == row.cells(true).len()
+            flat["error"].is_null()
+                && flat.as_object().unwrap().len() == row.column_values(true).len()
         );
     }
 }

@@ -13,7 +13,7 @@ pub struct ScanPositions {
     /// As they are written.
     pub names: Vec<String>,
     /// In any frame and unit, the same of all.
-    pub places: Vec<Vec3>,
+    pub positions: Vec<Vec3>,
 }
 
 const COLUMNS: [&str; 4] = ["cloud", "x", "y", "z"];
@@ -46,7 +46,7 @@ impl ScanPositions {
             let name = name.to_string();
             let bytes = name.len() + GROWTH_FACTOR * (size_of::<String>() + size_of::<Vec3>());
             found.names.push(name);
-            found.places.push(place);
+            found.positions.push(place);
             sheet.reserve_memory(bytes)?;
         }
         Ok(found)
@@ -66,7 +66,7 @@ mod tests {
             ScanPositions::read(&path)
         };
         let found = read("z,cloud,x,yaw,y\n3,a.ply,1, 0, 2\n").unwrap();
-        assert_eq!((found.names, found.places), (vec!["a.ply".into()], vec![[1.0, 2.0, 3.0]]));
+        assert_eq!((found.names, found.positions), (vec!["a.ply".into()], vec![[1.0, 2.0, 3.0]]));
         let said = |text: &str| read(text).unwrap_err().to_string();
         assert!(said("cloud,x,y\n").contains("no column z"));
         assert!(said("cloud,x,y,z\na,1,2,nan\n").contains("line 2: z is \"nan\""));

@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Pair, PairClouds, Posed, Settings};
+use super::{Pair, PairClouds, PreparedPair, Settings};
 use crate::error::{Error, Result};
 use crate::io::outputs;
 use crate::method::Consensus;
 
 /// One judged pose of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Candidate {
+pub struct CandidateRow {
     /// The pair's set.
     pub dataset: String,
     /// File of the source, as in the list.
@@ -56,7 +56,7 @@ pub fn write(
     let mut table = csv::Writer::from_writer(file.as_file());
     let (mut clouds, mut written) = (PairClouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {
-        let posed = Posed::new(pair, number, settings, &mut clouds)?;
+        let posed = PreparedPair::new(pair, number, settings, &mut clouds)?;
         let judged = Consensus::default().scored_poses(&posed.moved, &posed.target);
         for judged in judged.unwrap_or_default() {
             let found = judged.transform.after(&posed.motion);
@@ -65,7 +65,7 @@ pub fn write(
                 posed.rule.is_met(error, &posed.source, pair.unit)
             });
             table
-                .serialize(Candidate {
+                .serialize(CandidateRow {
                     dataset: pair.dataset.clone(),
                     source: pair.source.display().to_string(),
                     target: pair.target.display().to_string(),

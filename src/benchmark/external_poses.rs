@@ -3,18 +3,18 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::list::Table;
-use super::{Pair, PairClouds, Row, Rule, Settings};
+use super::list::PairTable;
+use super::{BenchmarkRow, Pair, PairClouds, Settings, SuccessCriterion};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::io::limited_file::GROWTH_FACTOR;
 use crate::io::quote_start;
 
 /// Most programs that are compared at once. Chosen by hand.
-const PROGRAMS: usize = 1000;
+const MAX_PROGRAMS: usize = 1000;
 
 /// What another program found.
-struct Answer {
+struct ExternalPose {
     method: String,
     pose: Option<Transform>,
     seconds: f64,
@@ -23,14 +23,14 @@ struct Answer {
 
 /// Poses that other programs found.
 #[derive(Default)]
-pub struct Poses {
+pub struct ExternalPoses {
     /// By source and target.
-    found: HashMap<[PathBuf; 2], Vec<Answer>>,
+    found: HashMap<[PathBuf; 2], Vec<ExternalPose>>,
     /// Names of the programs, as they come.
     methods: Vec<String>,
 }
 
-impl Poses {
+impl ExternalPoses {
     /// Reads poses of pairs that are `listed`.
     ///
     /// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
@@ -41,23 +41,25 @@ impl Poses {
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] with the line that cannot be understood, or the first one
     /// whose pair is not listed: it would count nowhere.
-    pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<Poses> {
+    pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<ExternalPoses> {
         let listed: HashSet<[&Path; 2]> =
             listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
-        let mut poses = Poses::default();
+        let mut poses = ExternalPoses::default();
         let (mut rows, mut strangers, mut first) = (0, 0, None);
-        let mut row = Table::open(path)?;
+        let mut row = PairTable::open(path)?;
         while row.next()? {
-            let names = ["source", "target"].map(|name| row.word(name));
+            let names = ["source", "target"].map(|name| row.text(name));
             let key = names.map(|name| folder.join(name));
             rows += 1;
             if listed.contains(&key.each_ref().map(PathBuf::as_path)) {
-                let answer = Answer::of(&row)?;
+                let answer = ExternalPose::from_row(&row)?;
                 let bytes = key.each_ref().map(|path| path.as_os_str().len()).iter().sum::<usize>();
-                row.take(GROWTH_FACTOR * size_of::<Answer>() + answer.method.len() + bytes)?;
+                row.take(GROWTH_FACTOR * size_of::<ExternalPose>() + answer.method.len() + bytes)?;
                 if !poses.methods.contains(&answer.method) {
-                    if poses.methods.len() == PROGRAMS {
-                        return Err(row.wrong(format!("there are more than {PROGRAMS} methods")));
+                    if poses.methods.len() == MAX_PROGRAMS {
+                        return Err(
+                            row.wrong(format!("there are more than {MAX_PROGRAMS} methods"))
+                        );
                     }
                     poses.methods.push(answer.method.clone());
                 }
@@ -83,12 +85,12 @@ impl Poses {
         all.map(|method| (method, number(&method))).filter(|(_, missing)| *missing > 0).collect()
     }
 
-    fn answers_to(&self, pair: &Pair) -> &[Answer] {
+    fn poses_of_pair(&self, pair: &Pair) -> &[ExternalPose] {
         self.found.get(&[pair.source.clone(), pair.target.clone()]).map_or(&[], Vec::as_slice)
     }
 
     fn has(&self, pair: &Pair, method: &str) -> bool {
-        self.answers_to(pair).iter().any(|answer| answer.method == method)
+        self.poses_of_pair(pair).iter().any(|answer| answer.method == method)
     }
 
     /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
@@ -96,41 +98,47 @@ impl Poses {
     ///
     /// # Errors
     /// Those of reading clouds.
-    pub fn judge(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<Row>> {
+    pub fn evaluate(&self, pairs: &[Pair], settings: Settings) -> Result<Vec<BenchmarkRow>> {
         let (mut clouds, mut rows) = (PairClouds::default(), Vec::new());
         for pair in pairs {
             let source = clouds.get(&pair.source, Settings { points: 0, ..settings }, 0)?;
-            let rule =
-                settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
-            for answer in self.answers_to(pair) {
-                let mut row = Row::new(pair, &answer.method, rule, answer.seconds);
+            let rule = settings
+                .rule
+                .unwrap_or_else(|| SuccessCriterion::for_size(source.diagonal() * pair.unit));
+            for answer in self.poses_of_pair(pair) {
+                let mut row = BenchmarkRow::new(pair, &answer.method, rule, answer.seconds);
                 row.accepted = answer.accepted;
                 match &answer.pose {
-                    Some(pose) => row.compare(pose, pair, &source),
+                    Some(pose) => row.set_errors(pose, pair, &source),
                     None => row.error = "no pose".into(),
                 }
                 rows.push(row);
             }
             for method in self.methods.iter().filter(|method| !self.has(pair, method)) {
-                let row = Row::new(pair, method, rule, f64::NAN);
-                rows.push(Row { error: "no row among the poses".into(), ..row });
+                let row = BenchmarkRow::new(pair, method, rule, f64::NAN);
+                rows.push(BenchmarkRow { error: "no row among the poses".into(), ..row });
             }
         }
         Ok(rows)
     }
 }
 
-impl Answer {
-    fn of(row: &Table) -> Result<Answer> {
+impl ExternalPose {
+    fn from_row(row: &PairTable) -> Result<ExternalPose> {
         let pose = row.pose()?;
-        let accepted = match row.word("accepted") {
+        let accepted = match row.text("accepted") {
             "" => pose.is_some(),
             word => word.parse().map_err(|_| {
                 row.wrong(format!("accepted is {}: must be true or false", quote_start(word)))
             })?,
         };
-        let method = row.word("method").to_string();
-        Ok(Answer { method, pose, seconds: row.number("seconds")?.unwrap_or(f64::NAN), accepted })
+        let method = row.text("method").to_string();
+        Ok(ExternalPose {
+            method,
+            pose,
+            seconds: row.number("seconds")?.unwrap_or(f64::NAN),
+            accepted,
+        })
     }
 }
 
@@ -161,15 +169,15 @@ mod tests {
                 format!("method,source,target,{},seconds,accepted\n{rows}", titles.join(","));
             std::fs::write(at("poses.csv"), text).unwrap();
             let pairs = [pair.clone(), unjudged.clone()];
-            let poses = Poses::read(&at("poses.csv"), folder.path(), &pairs)?;
+            let poses = ExternalPoses::read(&at("poses.csv"), folder.path(), &pairs)?;
             // Whoever has no row of a pair has failed on it.
             assert_eq!(poses.missing(&pairs[..1]), []);
-            let all = poses.judge(&pairs, Settings::default())?;
-            let failed = |row: &&Row| row.error == "no row among the poses";
+            let all = poses.evaluate(&pairs, Settings::default())?;
+            let failed = |row: &&BenchmarkRow| row.error == "no row among the poses";
             let failed: Vec<_> = all.iter().filter(failed).map(|row| row.method.as_str()).collect();
             assert_eq!(failed, ["far", "none"]);
             assert_eq!(poses.missing(&pairs), [("far", 1), ("none", 1)]);
-            poses.judge(&pairs[..1], Settings::default())
+            poses.evaluate(&pairs[..1], Settings::default())
         };
         let rows = write(
             "near,a.ply,b.ply,1,0,0,0.1,0,1,0,0,0,0,1,0,0,0,0,1,0.5,\n\

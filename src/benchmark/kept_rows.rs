@@ -5,7 +5,7 @@ use std::fs::{self, OpenOptions};
 use std::io::{BufReader, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::{Pair, Row, Settings};
+use super::{BenchmarkRow, Pair, Settings};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::io::limited_file::{self, LimitedFile};
@@ -13,10 +13,10 @@ use crate::io::limited_file::{self, LimitedFile};
 /// Rows in a file, and those that join them.
 #[derive(Default)]
 pub(super) struct KeptRows {
-    rows: HashMap<[String; 3], Row>,
+    rows: HashMap<[String; 3], BenchmarkRow>,
     file: Option<(PathBuf, fs::File)>,
     /// Whether the file has the names of its columns.
-    titled: bool,
+    has_header: bool,
 }
 
 impl KeptRows {
@@ -30,7 +30,7 @@ impl KeptRows {
         if there && !path.is_file() {
             return refuse("is not a regular file");
         }
-        const FOREIGN: &str = "is there and has no rows of this benchmark, or those of other \
+        const NOT_THESE_ROWS: &str = "is there and has no rows of this benchmark, or those of other \
                                settings: name another file, or move it";
         let mut text = String::new();
         if there {
@@ -38,19 +38,19 @@ impl KeptRows {
             // Before all of what may be anything is read.
             let read = limited_file::read_line(&mut start, &mut line);
             if read.is_err() || !(line == first.as_bytes() || first.as_bytes().starts_with(&line)) {
-                return refuse(FOREIGN);
+                return refuse(NOT_THESE_ROWS);
             }
-            text = limited_file::read_text(path, MOST, "a table of rows")?;
+            text = limited_file::read_text(path, MAX_FILE_BYTES, "a table of rows")?;
         }
         if !first.starts_with(&text) && !text.starts_with(&first) {
-            return refuse(FOREIGN);
+            return refuse(NOT_THESE_ROWS);
         }
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let body = whole.strip_prefix(&first).unwrap_or("");
         let mut reader = csv::Reader::from_reader(body.as_bytes());
-        let rows: Vec<Row> = reader.deserialize().filter_map(Result::ok).collect();
+        let rows: Vec<BenchmarkRow> = reader.deserialize().filter_map(Result::ok).collect();
         let mut content = first.into_bytes();
-        content.extend(table(&rows, true).map_err(|error| failed(error.into()))?);
+        content.extend(to_csv(&rows, true).map_err(|error| failed(error.into()))?);
         if text.as_bytes() != content {
             io::write_bytes(path, &content)?;
         }
@@ -63,35 +63,36 @@ impl KeptRows {
             Ok(()) | Err(std::fs::TryLockError::Error(_)) => {}
         }
         let titled = !rows.is_empty();
-        let rows = rows.into_iter().map(|row| (key(&row), row)).collect();
-        Ok(KeptRows { file: Some((path.into(), file)), rows, titled })
+        let rows = rows.into_iter().map(|row| (row_key(&row), row)).collect();
+        Ok(KeptRows { file: Some((path.into(), file)), rows, has_header: titled })
     }
 
-    pub(super) fn find(&self, pair: &Pair, method: &str) -> Option<Row> {
+    pub(super) fn find(&self, pair: &Pair, method: &str) -> Option<BenchmarkRow> {
         let path = |path: &Path| path.display().to_string();
         self.rows.get(&[path(&pair.source), path(&pair.target), method.into()]).cloned()
     }
 
     /// Appends a row, the names of the columns before the first.
-    pub(super) fn add(&mut self, row: &Row) -> Result<()> {
+    pub(super) fn add(&mut self, row: &BenchmarkRow) -> Result<()> {
         let Some((path, file)) = &mut self.file else { return Ok(()) };
         let failed = |error| Error::io(&*path, error);
-        let bytes = table(std::slice::from_ref(row), !self.titled).map_err(|e| failed(e.into()))?;
-        self.titled = true;
+        let bytes =
+            to_csv(std::slice::from_ref(row), !self.has_header).map_err(|e| failed(e.into()))?;
+        self.has_header = true;
         file.write_all(&bytes).map_err(failed)
     }
 }
 
 /// Rows as CSV, with the names of the columns or without.
-fn table(rows: &[Row], titled: bool) -> std::result::Result<Vec<u8>, csv::Error> {
+fn to_csv(rows: &[BenchmarkRow], titled: bool) -> std::result::Result<Vec<u8>, csv::Error> {
     let mut table = csv::WriterBuilder::new().has_headers(titled).from_writer(Vec::new());
     rows.iter().try_for_each(|row| table.serialize(row))?;
     table.into_inner().map_err(|error| error.into_error().into())
 }
 
 /// Most bytes of such a file. Chosen by hand: four million rows.
-const MOST: u64 = 1 << 30;
+const MAX_FILE_BYTES: u64 = 1 << 30;
 
-fn key(row: &Row) -> [String; 3] {
+fn row_key(row: &BenchmarkRow) -> [String; 3] {
     [row.source.clone(), row.target.clone(), row.method.clone()]
 }

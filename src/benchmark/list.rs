@@ -34,20 +34,20 @@ impl Pair {
 }
 
 /// A table of pairs with poses, read by the names of its columns.
-pub(super) struct Table(CsvReader);
+pub(super) struct PairTable(CsvReader);
 
-impl Table {
+impl PairTable {
     /// Opens it before its first row.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
-    pub(super) fn open(path: &Path) -> Result<Table> {
+    pub(super) fn open(path: &Path) -> Result<PairTable> {
         let sheet = CsvReader::open(path)?;
-        let entries = (0..16).map(entry);
+        let entries = (0..16).map(entry_name);
         for name in ["source", "target"].into_iter().map(String::from).chain(entries) {
             sheet.column(&name)?;
         }
-        Ok(Table(sheet))
+        Ok(PairTable(sheet))
     }
 
     /// Goes on to the next row; `false` where there is none.
@@ -67,13 +67,13 @@ impl Table {
     }
 
     /// What stands under `name`; empty where nothing does.
-    pub(super) fn word(&self, name: &str) -> &str {
+    pub(super) fn text(&self, name: &str) -> &str {
         self.0.find(name).unwrap_or("")
     }
 
     /// The number under `name`, if there is one.
     pub(super) fn number(&self, name: &str) -> Result<Option<f64>> {
-        match self.word(name) {
+        match self.text(name) {
             "" => Ok(None),
             text => match text.parse() {
                 Ok(number) => Ok(Some(number)),
@@ -84,13 +84,13 @@ impl Table {
 
     /// The pose, if there is one.
     pub(super) fn pose(&self) -> Result<Option<Transform>> {
-        if (0..16).all(|k| self.word(&entry(k)).is_empty()) {
+        if (0..16).all(|k| self.text(&entry_name(k)).is_empty()) {
             return Ok(None);
         }
         let mut matrix = [[0.0; 4]; 4];
         for (k, value) in matrix.as_flattened_mut().iter_mut().enumerate() {
-            let missing = || self.wrong(format!("{} is empty", entry(k)));
-            *value = self.number(&entry(k))?.ok_or_else(missing)?;
+            let missing = || self.wrong(format!("{} is empty", entry_name(k)));
+            *value = self.number(&entry_name(k))?.ok_or_else(missing)?;
         }
         Transform::from_matrix(matrix).map(Some).map_err(|error| self.wrong(error.to_string()))
     }
@@ -107,7 +107,7 @@ impl Table {
 }
 
 /// Name of the k-th entry of a pose, row by row.
-fn entry(k: usize) -> String {
+fn entry_name(k: usize) -> String {
     format!("t{}{}", k / 4, k % 4)
 }
 
@@ -126,26 +126,26 @@ fn entry(k: usize) -> String {
 /// [`Error::Io`], and [`Error::Parse`] with the line that cannot be understood.
 pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     let pairs = match path.extension().is_some_and(|end| end == "log") {
-        true => log(path, BufReader::new(LimitedFile::open(path)?))?,
-        false => table(path, folder)?,
+        true => read_log(path, BufReader::new(LimitedFile::open(path)?))?,
+        false => read_csv(path, folder)?,
     };
     if pairs.is_empty() {
-        return Err(parse(path, 1, "no pair"));
+        return Err(parse_error(path, 1, "no pair"));
     }
     Ok(pairs)
 }
 
-fn parse(path: &Path, line: usize, what: impl Into<String>) -> Error {
+fn parse_error(path: &Path, line: usize, what: impl Into<String>) -> Error {
     Error::parse(path, Some(line), what)
 }
 
-fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
+fn read_csv(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     let mut pairs = Vec::new();
-    let mut row = Table::open(path)?;
+    let mut row = PairTable::open(path)?;
     while row.next()? {
         let overlap = row.number("overlap")?;
         let truth = if overlap == Some(0.0) { None } else { row.pose()? };
-        let unit = match row.word("units") {
+        let unit = match row.text("units") {
             "" | "m" => 1.0,
             "cm" => 0.01,
             "mm" => 0.001,
@@ -153,11 +153,11 @@ fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
                 return Err(row.wrong(format!("unit {}: must be m, cm or mm", quote_start(other))));
             }
         };
-        let dataset = Some(row.word("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
+        let dataset = Some(row.text("dataset")).filter(|set| !set.is_empty()).unwrap_or("pairs");
         let pair = Pair {
             dataset: dataset.into(),
-            source: folder.join(row.word("source")),
-            target: folder.join(row.word("target")),
+            source: folder.join(row.text("source")),
+            target: folder.join(row.text("target")),
             truth,
             overlap,
             unit,
@@ -169,7 +169,7 @@ fn table(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
 }
 
 /// The next line of numbers of a log, with its number; blank ones are passed over.
-fn numbers(
+fn read_numbers(
     path: &Path,
     reader: &mut impl BufRead,
     line: &mut usize,
@@ -177,11 +177,13 @@ fn numbers(
     let mut bytes = Vec::new();
     while limited_file::read_line(reader, &mut bytes).map_err(|error| Error::io(path, error))? {
         *line += 1;
-        let text = std::str::from_utf8(&bytes).map_err(|_| parse(path, *line, "is not text"))?;
+        let text =
+            std::str::from_utf8(&bytes).map_err(|_| parse_error(path, *line, "is not text"))?;
         // A row of a pose has four, the line before it two or more.
         let words = text.split_whitespace().take(5).map(|word| {
-            word.parse()
-                .map_err(|_| parse(path, *line, format!("{} is no number", quote_start(word))))
+            word.parse().map_err(|_| {
+                parse_error(path, *line, format!("{} is no number", quote_start(word)))
+            })
         });
         let numbers = words.collect::<Result<Vec<f64>>>()?;
         if !numbers.is_empty() {
@@ -191,9 +193,9 @@ fn numbers(
     Ok(None)
 }
 
-fn log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
+fn read_log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let set = called(folder)?;
+    let set = dataset_name(folder)?;
     let scene = set.strip_suffix("-evaluation").unwrap_or(&set);
     let file = |number: f64| {
         let cloud = format!("cloud_bin_{number}.ply");
@@ -205,16 +207,16 @@ fn log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
         }
     };
     let (mut pairs, mut line) = (Vec::new(), 0);
-    while let Some((at, head)) = numbers(path, &mut reader, &mut line)? {
+    while let Some((at, head)) = read_numbers(path, &mut reader, &mut line)? {
         let mut matrix = [[0.0; 4]; 4];
         for row in &mut matrix {
-            let next = numbers(path, &mut reader, &mut line)?.filter(|_| head.len() >= 2);
+            let next = read_numbers(path, &mut reader, &mut line)?.filter(|_| head.len() >= 2);
             let (line, words) = next.ok_or_else(|| {
-                parse(path, at, "a pair is a line with two numbers and four of a pose")
+                parse_error(path, at, "a pair is a line with two numbers and four of a pose")
             })?;
             *row = words[..]
                 .try_into()
-                .map_err(|_| parse(path, line, "a row of a pose has four numbers"))?;
+                .map_err(|_| parse_error(path, line, "a row of a pose has four numbers"))?;
         }
         pairs.push(Pair {
             dataset: scene.into(),
@@ -222,7 +224,7 @@ fn log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
             target: file(head[0]),
             truth: Some(
                 Transform::from_matrix(matrix)
-                    .map_err(|error| parse(path, at, error.to_string()))?,
+                    .map_err(|error| parse_error(path, at, error.to_string()))?,
             ),
             overlap: None,
             unit: 1.0,
@@ -232,7 +234,7 @@ fn log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
 }
 
 /// What a folder is called, also where its path ends in dots, or is empty.
-fn called(folder: &Path) -> Result<String> {
+fn dataset_name(folder: &Path) -> Result<String> {
     let whole = match folder.file_name() {
         Some(_) => folder.to_path_buf(),
         None => {
@@ -284,7 +286,7 @@ mod tests {
     #[test]
     fn a_log_is_the_set_that_its_folder_is_called() {
         let text = "0 2 60\n1 0 0 1\n0 1 0 2\n0 0 1 3\n0 0 0 1\n";
-        let first = |path: &str| log(Path::new(path), text.as_bytes()).unwrap().remove(0);
+        let first = |path: &str| read_log(Path::new(path), text.as_bytes()).unwrap().remove(0);
         let pair = first("rooms/kitchen-evaluation/gt.log");
         assert_eq!(pair.dataset, "kitchen");
         assert_eq!(pair.source, Path::new("rooms/kitchen/cloud_bin_2.ply"));

@@ -8,7 +8,7 @@ pub mod list;
 mod pair_clouds;
 pub mod reliability;
 pub mod report;
-pub mod rule;
+pub mod success_criterion;
 
 use std::path::Path;
 use std::time::Instant;
@@ -17,9 +17,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-pub use external_poses::Poses;
+pub use external_poses::ExternalPoses;
 pub use list::Pair;
-pub use rule::Rule;
+pub use success_criterion::SuccessCriterion;
 
 use self::kept_rows::KeptRows;
 use self::pair_clouds::PairClouds;
@@ -39,8 +39,8 @@ pub struct Settings {
     pub seed: u64,
     /// Where the sensors stood.
     pub viewpoints: ViewpointSource,
-    /// When a pose is right; default by the size of the source ([`Rule::of_size`]).
-    pub rule: Option<Rule>,
+    /// When a pose is right; default by the size of the source ([`SuccessCriterion::for_size`]).
+    pub rule: Option<SuccessCriterion>,
     /// Points that clouds are thinned to at random, 0 for all.
     pub points: usize,
 }
@@ -54,7 +54,7 @@ impl Default for Settings {
 
 /// One pair by one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct BenchmarkRow {
     /// The pair's set.
     pub dataset: String,
     /// File of the source, as in the list.
@@ -68,7 +68,7 @@ pub struct Row {
     /// Whether the pose is right.
     pub right: bool,
     /// What was asked of it.
-    pub rule: Rule,
+    pub rule: SuccessCriterion,
     /// Rotation error, degrees; empty without an answer or a truth.
     pub rotation_deg: Option<f64>,
     /// Translation error in the clouds' unit.
@@ -93,7 +93,7 @@ pub struct Row {
 ///
 /// # Errors
 /// Those of its parts and of [`Pipeline::new`].
-pub fn method(name: &str) -> Result<Pipeline> {
+pub fn parse_method(name: &str) -> Result<Pipeline> {
     let mut parts = name.split('+').map(str::parse);
     let first = parts.next().unwrap_or_else(|| "".parse())?;
     Pipeline::new(first, parts.collect::<Result<_>>()?)
@@ -114,8 +114,9 @@ pub fn run(
     settings: Settings,
     output: Option<&Path>,
     mut progress: impl FnMut(usize, usize),
-) -> Result<Vec<Row>> {
-    let chains = methods.iter().map(|name| method(name)).collect::<Result<Vec<Pipeline>>>()?;
+) -> Result<Vec<BenchmarkRow>> {
+    let chains =
+        methods.iter().map(|name| parse_method(name)).collect::<Result<Vec<Pipeline>>>()?;
     let mut kept = match output {
         Some(path) => KeptRows::open(path, &settings)?,
         None => KeptRows::default(),
@@ -128,7 +129,7 @@ pub fn run(
             let row = match kept.find(pair, name) {
                 Some(row) => row,
                 None => {
-                    let row = one(pair, number, (name, chain), settings, &mut clouds)?;
+                    let row = register_pair(pair, number, (name, chain), settings, &mut clouds)?;
                     kept.add(&row)?;
                     row
                 }
@@ -141,24 +142,24 @@ pub fn run(
 }
 
 /// A pair as it is given to a method.
-struct Posed {
+struct PreparedPair {
     /// As in its file.
     source: PointCloud,
     /// The source under `motion`.
     moved: PointCloud,
     target: PointCloud,
     motion: Transform,
-    rule: Rule,
+    rule: SuccessCriterion,
 }
 
-impl Posed {
+impl PreparedPair {
     /// The pair that comes as the `number`-th of the list.
     fn new(
         pair: &Pair,
         number: usize,
         settings: Settings,
         clouds: &mut PairClouds,
-    ) -> Result<Posed> {
+    ) -> Result<PreparedPair> {
         let source = clouds.get(&pair.source, settings, 2 * number as u64)?;
         let target = clouds.get(&pair.target, settings, 2 * number as u64 + 1)?;
         let seed = settings.seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
@@ -167,23 +168,26 @@ impl Posed {
             false => Transform::IDENTITY,
         };
         let moved = source.transformed(&motion)?;
-        let rule = settings.rule.unwrap_or_else(|| Rule::of_size(source.diagonal() * pair.unit));
-        Ok(Posed { source, moved, target, motion, rule })
+        let rule = settings
+            .rule
+            .unwrap_or_else(|| SuccessCriterion::for_size(source.diagonal() * pair.unit));
+        Ok(PreparedPair { source, moved, target, motion, rule })
     }
 }
 
-fn one(
+fn register_pair(
     pair: &Pair,
     number: usize,
     (name, chain): (&str, &Pipeline),
     settings: Settings,
     clouds: &mut PairClouds,
-) -> Result<Row> {
-    let Posed { source, moved, target, motion, rule } = Posed::new(pair, number, settings, clouds)?;
+) -> Result<BenchmarkRow> {
+    let PreparedPair { source, moved, target, motion, rule } =
+        PreparedPair::new(pair, number, settings, clouds)?;
     let start = Instant::now();
     let found = chain.register(&moved, &target);
     let seconds = start.elapsed().as_secs_f64();
-    let mut row = Row::new(pair, name, rule, seconds);
+    let mut row = BenchmarkRow::new(pair, name, rule, seconds);
     match found {
         Ok(found) => {
             row.accepted = found.is_usable();
@@ -195,7 +199,7 @@ fn one(
                 Some(verdict?.covariance.as_ref()?.nees(&found.transform, &truth))
             });
             // In the frames of the files, as published errors are.
-            row.compare(&found.transform.after(&motion), pair, &source);
+            row.set_errors(&found.transform.after(&motion), pair, &source);
         }
         Err(error) => row.error = error.to_string(),
     }
@@ -219,16 +223,16 @@ pub struct Rerun {
 /// # Errors
 /// Those of reading clouds, and of the method.
 pub fn rerun(pair: &Pair, number: usize, method: &Pipeline, settings: Settings) -> Result<Rerun> {
-    let Posed { moved, target, motion, .. } =
-        Posed::new(pair, number, settings, &mut PairClouds::default())?;
+    let PreparedPair { moved, target, motion, .. } =
+        PreparedPair::new(pair, number, settings, &mut PairClouds::default())?;
     let found = method.register(&moved, &target)?;
     let truth = pair.truth.as_ref().map(|truth| truth.after(&motion.inverse()));
     Ok(Rerun { source: moved, target, found, truth })
 }
 
-impl Row {
+impl BenchmarkRow {
     /// Whether it is of this pair.
-    pub fn is_of(&self, pair: &Pair) -> bool {
+    pub fn matches_pair(&self, pair: &Pair) -> bool {
         let same = |name: &str, path: &Path| name == path.display().to_string();
         same(&self.source, &pair.source)
             && same(&self.target, &pair.target)
@@ -236,9 +240,9 @@ impl Row {
     }
 
     /// Of a pair without an answer yet.
-    fn new(pair: &Pair, method: &str, rule: Rule, seconds: f64) -> Row {
+    fn new(pair: &Pair, method: &str, rule: SuccessCriterion, seconds: f64) -> BenchmarkRow {
         let path = |path: &Path| path.display().to_string();
-        Row {
+        BenchmarkRow {
             dataset: pair.dataset.clone(),
             source: path(&pair.source),
             target: path(&pair.target),
@@ -258,7 +262,7 @@ impl Row {
     }
 
     /// Holds `found` against the pair's pose, if it has one.
-    fn compare(&mut self, found: &Transform, pair: &Pair, source: &PointCloud) {
+    fn set_errors(&mut self, found: &Transform, pair: &Pair, source: &PointCloud) {
         if let Some(truth) = &pair.truth {
             let error = self.rule.error(found, truth, source);
             self.right = self.rule.is_met(error, source, pair.unit);
@@ -320,7 +324,7 @@ mod tests {
     fn rows_are_kept_and_not_run_again() {
         let folder = tempfile::tempdir().unwrap();
         let (pairs, output) = (pairs(folder.path()), folder.path().join("rows.csv"));
-        let settings = Settings { rule: Some(Rule::Relative), ..Settings::default() };
+        let settings = Settings { rule: Some(SuccessCriterion::Relative), ..Settings::default() };
         let methods = ["consensus".to_string(), "consensus+icp".to_string()];
         let run =
             |methods: &[String], settings| run(&pairs, methods, settings, Some(&output), |_, _| ());
@@ -353,9 +357,9 @@ mod tests {
 
     #[test]
     fn methods_are_named_with_their_refinements() {
-        assert!(method("cf+icp+gicp").is_ok() && method("consensus").is_ok());
+        assert!(parse_method("cf+icp+gicp").is_ok() && parse_method("consensus").is_ok());
         for bad in ["", "cf+", "icp+cf", "sift"] {
-            assert!(method(bad).is_err(), "{bad}");
+            assert!(parse_method(bad).is_err(), "{bad}");
         }
     }
 }

@@ -11,24 +11,24 @@ use crate::{filter, io};
 /// Clouds that were read, the last few of them.
 #[derive(Default)]
 pub(super) struct PairClouds {
-    held: HashMap<PathBuf, PointCloud>,
+    cached: HashMap<PathBuf, PointCloud>,
     order: Vec<PathBuf>,
 }
 
 /// Clouds that are held.
-const HELD: usize = 32;
+const MAX_CACHED_CLOUDS: usize = 32;
 
 impl PairClouds {
     pub(super) fn get(&mut self, path: &Path, settings: Settings, seed: u64) -> Result<PointCloud> {
-        if !self.held.contains_key(path) {
+        if !self.cached.contains_key(path) {
             let cloud = io::read(path)?;
-            if self.order.len() == HELD {
-                self.held.remove(&self.order.remove(0));
+            if self.order.len() == MAX_CACHED_CLOUDS {
+                self.cached.remove(&self.order.remove(0));
             }
             self.order.push(path.into());
-            self.held.insert(path.into(), cloud);
+            self.cached.insert(path.into(), cloud);
         }
-        let cloud = settings.viewpoints.apply(self.held[path].clone())?;
+        let cloud = settings.viewpoints.apply(self.cached[path].clone())?;
         Ok(match settings.points {
             0 => cloud,
             points => filter::sample(&cloud, points, seed),

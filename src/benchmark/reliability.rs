@@ -1,49 +1,52 @@
 //! The probabilities that methods told, beside the share that was right: numbers and a figure.
 
-use super::Row;
+use super::BenchmarkRow;
 use crate::error::{Error, Result};
 use crate::figure::{Axes, Content, Curve, Figure, Panel};
 
 /// Classes of the probability.
-const CLASSES: usize = 10;
+const BIN_COUNT: usize = 10;
 
 /// Poses whose probabilities lie in one tenth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Class {
+pub struct ReliabilityBin {
     /// Its lower end; the upper is a tenth more.
     pub from: f64,
     /// How many, at least 1.
     pub poses: usize,
     /// The mean of what was told.
-    pub told: f64,
+    pub predicted: f64,
     /// The share that is right.
-    pub right: f64,
+    pub observed: f64,
 }
 
 /// The tenths that have poses, in order; rows without a probability do not count.
-pub fn classes<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Class> {
-    let mut sums = [(0usize, 0.0, 0usize); CLASSES];
+pub fn reliability_bins<'a>(
+    rows: impl IntoIterator<Item = &'a BenchmarkRow>,
+) -> Vec<ReliabilityBin> {
+    let mut sums = [(0usize, 0.0, 0usize); BIN_COUNT];
     for row in rows {
         if let Some(told) = row.probability {
-            let (poses, all, right) = &mut sums[((10.0 * told) as usize).min(CLASSES - 1)];
+            let (poses, all, right) = &mut sums[((10.0 * told) as usize).min(BIN_COUNT - 1)];
             *poses += 1;
             *all += told;
             *right += usize::from(row.right);
         }
     }
     let told = sums.into_iter().enumerate().filter(|(_, (poses, ..))| *poses > 0);
-    told.map(|(k, (poses, told, right))| Class {
+    told.map(|(k, (poses, told, right))| ReliabilityBin {
         from: 0.1 * k as f64,
         poses,
-        told: told / poses as f64,
-        right: right as f64 / poses as f64,
+        predicted: told / poses as f64,
+        observed: right as f64 / poses as f64,
     })
     .collect()
 }
 
 /// The expected calibration error: how far what was told is from what is right, mean over poses.
-pub fn calibration_error(classes: &[Class]) -> f64 {
-    let off = |class: &Class| class.poses as f64 * (class.told - class.right).abs();
+pub fn calibration_error(classes: &[ReliabilityBin]) -> f64 {
+    let off =
+        |class: &ReliabilityBin| class.poses as f64 * (class.predicted - class.observed).abs();
     let all: usize = classes.iter().map(|class| class.poses).sum();
     classes.iter().map(off).sum::<f64>() / all as f64
 }
@@ -53,7 +56,7 @@ pub fn calibration_error(classes: &[Class]) -> f64 {
 ///
 /// # Errors
 /// [`Error::Config`] of `figure` if no method tells a probability.
-pub fn figure(rows: &[Row]) -> Result<Figure> {
+pub fn figure(rows: &[BenchmarkRow]) -> Result<Figure> {
     let mut methods: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.probability.is_some()) {
         if !methods.contains(&row.method.as_str()) {
@@ -68,10 +71,10 @@ pub fn figure(rows: &[Row]) -> Result<Figure> {
         ));
     }
     let told = methods.into_iter().map(|method| {
-        let classes = classes(rows.iter().filter(|row| row.method == method));
+        let classes = reliability_bins(rows.iter().filter(|row| row.method == method));
         Curve {
             name: method.into(),
-            points: classes.iter().map(|class| [class.told, class.right]).collect(),
+            points: classes.iter().map(|class| [class.predicted, class.observed]).collect(),
             band: classes.iter().map(interval).collect(),
             guide: false,
         }
@@ -93,9 +96,9 @@ pub fn figure(rows: &[Row]) -> Result<Figure> {
 }
 
 /// Where the true share lies, by the share that was seen, with 95 % (Wilson 1927).
-fn interval(class: &Class) -> [f64; 2] {
+fn interval(class: &ReliabilityBin) -> [f64; 2] {
     const Z: f64 = 1.96;
-    let (n, share) = (class.poses as f64, class.right);
+    let (n, share) = (class.poses as f64, class.observed);
     let middle = share + Z * Z / (2.0 * n);
     let half = Z * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
     [-half, half].map(|off| ((middle + off) / (1.0 + Z * Z / n)).clamp(0.0, 1.0))
@@ -103,18 +106,18 @@ fn interval(class: &Class) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Rule;
+    use super::super::SuccessCriterion;
     use super::*;
 
-    fn row(method: &str, right: bool, probability: Option<f64>) -> Row {
-        Row {
+    fn row(method: &str, right: bool, probability: Option<f64>) -> BenchmarkRow {
+        BenchmarkRow {
             dataset: "rooms".into(),
             source: "a".into(),
             target: "b".into(),
             overlap: None,
             method: method.into(),
             right,
-            rule: Rule::Indoor,
+            rule: SuccessCriterion::Indoor,
             rotation_deg: None,
             translation: None,
             accepted: true,
@@ -136,25 +139,27 @@ mod tests {
             row("consensus", true, Some(0.94)),
             row("consensus", false, Some(0.95)),
         ];
-        let [low, high] = classes(&rows)[..] else { panic!("two classes") };
-        assert_eq!((low.from, low.poses, low.told, low.right), (0.0, 1, 0.02, 0.0));
-        assert_eq!((high.from, high.poses, high.right), (0.9, 4, 0.75));
-        assert!((high.told - 0.95).abs() < 1e-12);
+        let [low, high] = reliability_bins(&rows)[..] else { panic!("two classes") };
+        assert_eq!((low.from, low.poses, low.predicted, low.observed), (0.0, 1, 0.02, 0.0));
+        assert_eq!((high.from, high.poses, high.observed), (0.9, 4, 0.75));
+        assert!((high.predicted - 0.95).abs() < 1e-12);
         // A fifth of the poses off by 0.02, four fifths by 0.2.
-        assert!((calibration_error(&classes(&rows)) - 0.164).abs() < 1e-12);
+        assert!((calibration_error(&reliability_bins(&rows)) - 0.164).abs() < 1e-12);
         let Content::Curves { curves, .. } = &figure(&rows).unwrap().panels[0].content else {
             panic!("no curves")
         };
         // The diagonal, and the one method that tells.
         assert_eq!(curves.len(), 2);
         assert!(curves[0].guide && curves[1].name == "consensus");
-        assert_eq!(curves[1].points, [[low.told, 0.0], [high.told, 0.75]]);
+        assert_eq!(curves[1].points, [[low.predicted, 0.0], [high.predicted, 0.75]]);
         assert!(figure(&rows[1..2]).is_err());
     }
 
     #[test]
     fn few_poses_tell_little() {
-        let of = |poses, right| interval(&Class { from: 0.0, poses, told: 0.5, right });
+        let of = |poses, right| {
+            interval(&ReliabilityBin { from: 0.0, poses, predicted: 0.5, observed: right })
+        };
         // Wilson's for 8 of 10 and for none of one.
         let [low, high] = of(10, 0.8);
         assert!((low - 0.490).abs() < 1e-3 && (high - 0.943).abs() < 1e-3, "{low} {high}");

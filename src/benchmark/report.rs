@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::Row;
-use super::reliability::{Class, calibration_error, classes};
+use super::BenchmarkRow;
+use super::reliability::{ReliabilityBin, calibration_error, reliability_bins};
 
 /// 95 % quantile of χ² with six degrees of freedom, whose median is 5.348.
 const CHI_SQUARE_95: f64 = 12.592;
@@ -13,7 +13,7 @@ const BANDS: [f64; 4] = [0.1, 0.3, 0.5, 0.75];
 
 /// Tables in Markdown: of every set and method the share of right poses, by overlap, the errors
 /// of the right ones, and the seconds; then what the methods' own verdicts were worth.
-pub fn markdown(rows: &[Row]) -> String {
+pub fn markdown(rows: &[BenchmarkRow]) -> String {
     let mut sets: Vec<&str> = Vec::new();
     let mut methods: Vec<&str> = Vec::new();
     for row in rows {
@@ -23,7 +23,7 @@ pub fn markdown(rows: &[Row]) -> String {
             }
         }
     }
-    let of = |set: &str, method: &str| -> Vec<&Row> {
+    let of = |set: &str, method: &str| -> Vec<&BenchmarkRow> {
         rows.iter().filter(|row| row.dataset == set && row.method == method).collect()
     };
     let mut text = String::from(
@@ -63,7 +63,7 @@ pub fn markdown(rows: &[Row]) -> String {
         }
     }
     for method in &methods {
-        let told: Vec<&Row> =
+        let told: Vec<&BenchmarkRow> =
             rows.iter().filter(|row| row.method == *method && row.probability.is_some()).collect();
         if !told.is_empty() {
             reliability(&mut text, method, &told);
@@ -72,12 +72,12 @@ pub fn markdown(rows: &[Row]) -> String {
     text
 }
 
-fn recall(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
-    let share = |rows: &[&Row]| match rows.len() {
+fn recall(text: &mut String, set: &str, method: &str, rows: &[&BenchmarkRow]) {
+    let share = |rows: &[&BenchmarkRow]| match rows.len() {
         0 => "-".to_string(),
         all => format!("{}/{all}", rows.iter().filter(|row| row.right).count()),
     };
-    let mut bands: BTreeMap<usize, Vec<&Row>> = BTreeMap::new();
+    let mut bands: BTreeMap<usize, Vec<&BenchmarkRow>> = BTreeMap::new();
     for row in rows {
         if let Some(overlap) = row.overlap {
             let band = BANDS.iter().filter(|&&bound| overlap >= bound).count();
@@ -86,7 +86,7 @@ fn recall(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
     }
     let band = |at: usize| share(bands.get(&at).map_or(&[], Vec::as_slice));
     let right = rows.iter().filter(|row| row.right);
-    let mean = |of: fn(&Row) -> Option<f64>| {
+    let mean = |of: fn(&BenchmarkRow) -> Option<f64>| {
         let values: Vec<f64> = right.clone().filter_map(|row| of(row)).collect();
         values.iter().sum::<f64>() / values.len() as f64
     };
@@ -113,7 +113,7 @@ fn recall(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
     );
 }
 
-fn verdicts(text: &mut String, set: &str, method: &str, rows: &[&Row]) {
+fn verdicts(text: &mut String, set: &str, method: &str, rows: &[&BenchmarkRow]) {
     let part = |part: usize, all: usize| match all {
         0 => "-".to_string(),
         _ => format!("{part}/{all} = {:.1} %", 100.0 * part as f64 / all as f64),
@@ -144,13 +144,13 @@ fn covariances(text: &mut String, set: &str, method: &str, nees: &mut [f64]) {
 }
 
 /// Ten classes of the probability that was told, and the share that was right.
-fn reliability(text: &mut String, method: &str, rows: &[&Row]) {
+fn reliability(text: &mut String, method: &str, rows: &[&BenchmarkRow]) {
     let _ = write!(
         text,
         "\n{method}: told and true\n\n| told | poses | mean told | right |\n|---|---|---|---|\n"
     );
-    let classes = classes(rows.iter().copied());
-    for Class { from, poses, told, right } in &classes {
+    let classes = reliability_bins(rows.iter().copied());
+    for ReliabilityBin { from, poses, predicted: told, observed: right } in &classes {
         let to = from + 0.1;
         let _ = writeln!(text, "| {from:.1}-{to:.1} | {poses} | {told:.3} | {right:.3} |");
     }
@@ -160,18 +160,18 @@ fn reliability(text: &mut String, method: &str, rows: &[&Row]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Rule;
+    use super::super::SuccessCriterion;
     use super::*;
 
-    fn row(set: &str, overlap: f64, right: bool, accepted: bool, probability: f64) -> Row {
-        Row {
+    fn row(set: &str, overlap: f64, right: bool, accepted: bool, probability: f64) -> BenchmarkRow {
+        BenchmarkRow {
             dataset: set.into(),
             source: "a".into(),
             target: "b".into(),
             overlap: Some(overlap),
             method: "consensus".into(),
             right,
-            rule: Rule::Indoor,
+            rule: SuccessCriterion::Indoor,
             rotation_deg: Some(if right { 1.0 } else { 90.0 }),
             translation: Some(0.1),
             accepted,

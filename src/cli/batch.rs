@@ -7,8 +7,8 @@ use clap::Args;
 use indicatif::ProgressStyle;
 
 use super::options::MethodOptions;
-use super::{Outcome, input, log, outputs, progress};
-use crate::batch::{self, List, Start};
+use super::{CommandOutcome, input, log, outputs, progress};
+use crate::batch::{self, PairList, StartMode};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
@@ -17,7 +17,7 @@ use crate::par::Interrupt;
 /// Ends with exit status 0 once every pair has its row, those without an answer too; 1 where none of
 /// their poses may be used, 130 when Ctrl-C has ended it, 2 when it could not begin or write.
 #[derive(Args)]
-pub(super) struct Batch {
+pub(super) struct BatchCommand {
     /// Pairs: CSV or Parquet with the columns source and target, files of clouds; others are not
     /// looked at
     pairs: PathBuf,
@@ -35,13 +35,13 @@ pub(super) struct Batch {
     #[arg(long)]
     overwrite: bool,
     /// Clouds, and what was made of them, kept for later pairs, in bytes or with a unit: 512MB, 4GiB
-    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size)]
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = parse_size)]
     memory: usize,
-    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
     /// Give a pair up after so many seconds; which pairs come near the limit depends on the
     /// machine
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     time_limit: Option<Duration>,
     /// Add the column seconds, on which no two runs agree
     #[arg(long)]
@@ -52,14 +52,14 @@ pub(super) struct Batch {
     thinning: Downsampling,
 }
 
-impl Batch {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl BatchCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let mut inputs = vec![self.pairs.as_path()];
         inputs.extend(self.method.inputs());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;
-        let (method, thinning) = self.method.in_bulk().with_length(&self.thinning)?;
+        let (method, thinning) = self.method.for_batch().with_voxel(&self.thinning)?;
         let own = self.pairs.parent().unwrap_or(Path::new(""));
-        let list = List::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
+        let list = PairList::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
         let mut batch = batch::Batch::new(&method, &method);
         batch.viewpoints = self.viewpoints;
         batch.keep_no_returns = self.method.keep_no_returns;
@@ -69,11 +69,11 @@ impl Batch {
         batch.time_limit = self.time_limit;
         batch.times = self.times;
         batch.start = match (self.resume, self.overwrite) {
-            (true, _) => Start::Resume,
-            (_, true) => Start::Overwrite,
-            _ => Start::Fresh,
+            (true, _) => StartMode::Resume,
+            (_, true) => StartMode::Overwrite,
+            _ => StartMode::Fresh,
         };
-        end_by_ctrl_c(batch.interrupt.clone())?;
+        handle_ctrl_c(batch.interrupt.clone())?;
         batch::install_panic_hook();
         let bar = progress(list.len() as u64, "pairs");
         let style = "{msg} {wide_bar} {pos}/{len} {per_sec} {eta}";
@@ -104,7 +104,7 @@ impl Batch {
                 }
                 let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
                 log(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
-                Ok(if trusted > 0 { Outcome::Trusted } else { Outcome::Doubted })
+                Ok(if trusted > 0 { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
             }
             Err(Error::Interrupted) => {
                 log(&format!(
@@ -118,7 +118,7 @@ impl Batch {
 }
 
 /// The first Ctrl-C (or SIGTERM) ends work at its next step, the second at once.
-fn end_by_ctrl_c(interrupt: Interrupt) -> Result<()> {
+fn handle_ctrl_c(interrupt: Interrupt) -> Result<()> {
     let end = move || match interrupt.is_requested() {
         true => std::process::exit(130),
         false => interrupt.request(),
@@ -127,7 +127,7 @@ fn end_by_ctrl_c(interrupt: Interrupt) -> Result<()> {
 }
 
 /// Bytes, with a unit or without: `512MB`, `4GiB`.
-fn size(text: &str) -> std::result::Result<usize, String> {
+fn parse_size(text: &str) -> std::result::Result<usize, String> {
     const UNITS: [(&str, f64); 9] = [
         ("KiB", 1024.0),
         ("MiB", 1048576.0),
@@ -152,7 +152,7 @@ fn size(text: &str) -> std::result::Result<usize, String> {
 }
 
 /// A time above 0.
-fn seconds(text: &str) -> std::result::Result<Duration, String> {
+fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().filter(|&seconds| seconds > 0.0);
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
@@ -165,14 +165,18 @@ mod tests {
 
     #[test]
     fn sizes_have_units() {
-        assert_eq!(size("1024"), Ok(1024));
+        assert_eq!(parse_size("1024"), Ok(1024));
         assert_eq!(
-            (size("1.5GB"), size("2 MiB"), size("0")),
+            (parse_size("1.5GB"), parse_size("2 MiB"), parse_size("0")),
             (Ok(1_500_000_000), Ok(2 << 20), Ok(0))
         );
         for wrong in ["", "GB", "-1", "1XB", "nan", "inf"] {
-            assert!(size(wrong).is_err(), "{wrong}");
+            assert!(parse_size(wrong).is_err(), "{wrong}");
         }
-        assert!(seconds("0").is_err() && seconds("1e400").is_err() && seconds("0.5").is_ok());
+        assert!(
+            parse_seconds("0").is_err()
+                && parse_seconds("1e400").is_err()
+                && parse_seconds("0.5").is_ok()
+        );
     }
 }

@@ -4,14 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{Outcome, input, log, outputs, print, progress};
-use crate::benchmark::{self, Pair, Poses, Rule, Settings, list, reliability, report};
+use super::{CommandOutcome, input, log, outputs, print, progress};
+use crate::benchmark::{
+    self, ExternalPoses, Pair, Settings, SuccessCriterion, list, reliability, report,
+};
 use crate::cloud::ViewpointSource;
 use crate::error::Result;
 use crate::par;
 
 #[derive(Args)]
-pub(super) struct Benchmark {
+pub(super) struct BenchmarkCommand {
     /// Lists: CSV with the columns source, target, t00 to t33 and, if known, dataset, overlap
     /// and units (m, cm, mm); or gt.log of 3DMatch
     #[arg(required = true)]
@@ -51,12 +53,12 @@ pub(super) struct Benchmark {
     /// Seed of the motions
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
     /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
     #[arg(long)]
-    rule: Option<Rule>,
+    rule: Option<SuccessCriterion>,
     /// Points that each cloud is thinned to at random, 0 for all
     #[arg(long, value_name = "N", default_value_t = 0)]
     sample: usize,
@@ -68,8 +70,8 @@ pub(super) struct Benchmark {
     threads: usize,
 }
 
-impl Benchmark {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl BenchmarkCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let lists: Vec<_> = self.pairs.iter().map(PathBuf::as_path).collect();
         let drawn = |kind| self.figure.as_ref().map(|stem| stem.with_extension(kind));
         let (svg, png) = (drawn("svg"), drawn("png"));
@@ -90,7 +92,7 @@ impl Benchmark {
         }
         inputs.extend(pairs.iter().flat_map(|pair| [pair.source.as_path(), &pair.target]));
         outputs::check(&inputs, &written)?;
-        let poses = self.poses(&pairs)?;
+        let poses = self.read_external_poses(&pairs)?;
         let pairs: Vec<_> = pairs.into_iter().step_by(self.every as usize).collect();
         let settings = Settings {
             moved: !self.as_they_stand,
@@ -110,7 +112,7 @@ impl Benchmark {
             })??;
             bar.finish_and_clear();
             print(&format!("{written} poses of {} pairs\n", pairs.len()))?;
-            return Ok(Outcome::Trusted);
+            return Ok(CommandOutcome::Trusted);
         }
         let mut rows = par::with_threads(self.threads, || {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
@@ -125,7 +127,7 @@ impl Benchmark {
                     pairs.len()
                 ));
             }
-            rows.extend(poses.judge(&pairs, settings)?);
+            rows.extend(poses.evaluate(&pairs, settings)?);
         }
         print(&report::markdown(&rows))?;
         if let Some(stem) = &self.figure {
@@ -138,17 +140,18 @@ impl Benchmark {
                 bar.set_position(done as u64);
             };
             par::with_threads(self.threads, || {
-                crate::report::benchmark(&rows, &pairs, settings, folder, self.pages, follow)
+                crate::report::write_benchmark(&rows, &pairs, settings, folder, self.pages, follow)
             })??;
             bar.finish_and_clear();
         }
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 
     /// What other programs found for the pairs of the lists.
-    fn poses(&self, listed: &[Pair]) -> Result<Vec<Poses>> {
+    fn read_external_poses(&self, listed: &[Pair]) -> Result<Vec<ExternalPoses>> {
         let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
-        let read = |path: &PathBuf| Poses::read(path, folder.unwrap_or(Path::new("")), listed);
+        let read =
+            |path: &PathBuf| ExternalPoses::read(path, folder.unwrap_or(Path::new("")), listed);
         self.poses.iter().map(read).collect()
     }
 }

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Outcome, input, log, outputs, print, print_json};
+use super::{CommandOutcome, input, log, outputs, print, print_json};
 use crate::error::Result;
 use crate::filter::{self, Downsampling, NoReturns};
 use crate::{io, search};
 
 #[derive(Args)]
-pub(super) struct Info {
+pub(super) struct InfoCommand {
     /// Clouds to look at
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -22,7 +22,7 @@ pub(super) struct Info {
 
 /// What is in a file.
 #[derive(Serialize)]
-struct Facts {
+struct CloudInfo {
     file: String,
     points: usize,
     dropped: usize,
@@ -38,13 +38,13 @@ struct Facts {
     resolution: f64,
 }
 
-impl Info {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl InfoCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let mut all = Vec::new();
         for path in &self.files {
             let cloud = io::read(path)?;
             let bounds = cloud.bounds();
-            let facts = Facts {
+            let facts = CloudInfo {
                 file: path.display().to_string(),
                 points: cloud.len(),
                 dropped: cloud.dropped(),
@@ -66,11 +66,11 @@ impl Info {
         if self.json {
             print_json(&all)?;
         }
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 }
 
-impl Facts {
+impl CloudInfo {
     fn no_returns_text(&self) -> String {
         let text = |mark: &NoReturns| {
             let [x, y, z] = mark.place;
@@ -112,7 +112,7 @@ impl Facts {
 }
 
 #[derive(Args)]
-pub(super) struct Convert {
+pub(super) struct ConvertCommand {
     /// Cloud to read (PLY, PCD, XYZ, TXT, CSV)
     input: PathBuf,
     /// File to write; its extension says the format: .ply .pcd .xyz .txt .csv
@@ -124,8 +124,8 @@ pub(super) struct Convert {
     transform: Option<PathBuf>,
 }
 
-impl Convert {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl ConvertCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         io::check_writable(&self.output)?;
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
@@ -136,6 +136,6 @@ impl Convert {
         }
         input::write(&self.output, &cloud, differences)?;
         log(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 }

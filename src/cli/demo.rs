@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::options::MethodOptions;
 use super::register::summary;
-use super::{Outcome, log, matrix_text, outputs, print, print_json};
+use super::{CommandOutcome, log, matrix_text, outputs, print, print_json};
 use crate::cloud::Transform;
 use crate::cloud::shape::boulder;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ use crate::method::{Register, Registration};
 use crate::verify::{PoseError, pose_error};
 
 #[derive(Args)]
-pub(super) struct Demo {
+pub(super) struct DemoCommand {
     #[command(flatten)]
     method: MethodOptions,
     /// Points of each of the two independent samples
@@ -36,15 +36,15 @@ pub(super) struct Demo {
 }
 
 #[derive(Serialize)]
-struct DemoResult<'a> {
+struct DemoOutput<'a> {
     #[serde(flatten)]
     registration: &'a Registration,
     truth: Transform,
     error: PoseError,
 }
 
-impl Demo {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl DemoCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let method = self.method.chain()?;
         let mesh = boulder();
         let (first, second) =
@@ -62,7 +62,7 @@ impl Demo {
             let earlier =
                 files.iter().all(|file| file.is_file()) && io::read_transform(&files[2]).is_ok();
             for file in &files {
-                outputs::check_unnamed("write", file, |_| earlier)?;
+                outputs::check_default_path("write", file, |_| earlier)?;
             }
             io::write(folder.join("source.pcd"), &source)?;
             io::write(folder.join("target.pcd"), &target)?;
@@ -71,7 +71,7 @@ impl Demo {
         let registration = method.register(&source, &target)?;
         let error = pose_error(&registration.transform, &truth, source.centroid());
         if self.json {
-            print_json(&DemoResult { registration: &registration, truth, error })?;
+            print_json(&DemoOutput { registration: &registration, truth, error })?;
         } else {
             log(&format!(
                 "two independent samples of one shape, {} points each, one of them moved\n{}",
@@ -87,7 +87,7 @@ impl Demo {
                 100.0 * error.translation / source.diagonal()
             ));
         }
-        Ok(if registration.is_usable() { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
 }
 

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::{PriorOptions, VERDICT_MODEL};
-use super::{Outcome, input, print, print_json};
+use super::{CommandOutcome, input, print, print_json};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
@@ -14,7 +14,7 @@ use crate::io;
 use crate::verify::{self, EvaluationReport, Verdict, VerdictModel};
 
 #[derive(Args)]
-pub(super) struct Evaluate {
+pub(super) struct EvaluateCommand {
     /// Cloud that is moved
     source: PathBuf,
     /// Cloud that stays
@@ -39,8 +39,8 @@ pub(super) struct Evaluate {
     #[arg(long, value_name = "FILE", requires = "verdict", help = VERDICT_MODEL)]
     verdict_model: Option<PathBuf>,
     #[command(flatten)]
-    known: PriorOptions,
-    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
+    prior_options: PriorOptions,
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
     /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
     /// (0, 0, 0)
@@ -53,20 +53,20 @@ pub(super) struct Evaluate {
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Answer {
+struct EvaluateOutput {
     #[serde(flatten)]
     judgement: EvaluationReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     verdict: Option<Verdict>,
 }
 
-impl Evaluate {
-    pub(super) fn run(&self) -> Result<Outcome> {
-        let mut judge = self.known.judge(self.thinning.voxel)?;
+impl EvaluateCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
+        let mut judge = self.prior_options.verifier(self.thinning.voxel)?;
         if let Some(path) = &self.verdict_model {
             judge = judge.model(VerdictModel::read(path)?);
         }
-        if let Some(name) = self.known.given_option().filter(|_| !self.verdict) {
+        if let Some(name) = self.prior_options.given_option().filter(|_| !self.verdict) {
             let rule = "requires --verdict";
             return Err(Error::config(name, "given", rule));
         }
@@ -96,16 +96,16 @@ impl Evaluate {
         let decision = verdict.as_ref().map(|verdict| verdict.decision);
         let usable = verify::is_usable(&transform, true, decision);
         if self.json {
-            print_json(&Answer { judgement, verdict })?;
+            print_json(&EvaluateOutput { judgement, verdict })?;
         } else {
             let verdict = verdict.map_or_else(String::new, |it| format!("{it}\n"));
-            print(&(text(&judgement) + &verdict))?;
+            print(&(evaluation_text(&judgement) + &verdict))?;
         }
-        Ok(if usable { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if usable { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
 }
 
-fn text(judgement: &EvaluationReport) -> String {
+fn evaluation_text(judgement: &EvaluationReport) -> String {
     let e = &judgement.evaluation;
     let mut lines = vec![
         format!(

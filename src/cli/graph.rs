@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{Outcome, log, outputs};
+use super::{CommandOutcome, log, outputs};
 use crate::batch::{self, RowGraph};
 use crate::error::Result;
 use crate::pose_graph::Tangent;
 
 #[derive(Args)]
-pub(super) struct ToGraph {
+pub(super) struct GraphCommand {
     /// Results of `cfreg batch`: .csv, .jsonl or .parquet, or a folder with .parquet in it
     results: PathBuf,
     /// The graph: a vertex a cloud, an edge with its information for each accepted pose
@@ -21,11 +21,11 @@ pub(super) struct ToGraph {
     names: Option<PathBuf>,
     /// By what the reader of the graph measures rotations
     #[arg(long, value_enum, default_value_t)]
-    rotations: Rotations,
+    rotations: RotationConvention,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
-enum Rotations {
+enum RotationConvention {
     /// The vector part of quaternions: g2o
     #[default]
     Quaternion,
@@ -33,14 +33,14 @@ enum Rotations {
     Vector,
 }
 
-impl ToGraph {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl GraphCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let outputs = [("output", Some(&*self.output)), ("names", self.names.as_deref())];
         outputs::check(&[&self.results], &outputs)?;
         let found = RowGraph::new(&batch::results::read(&self.results)?)?;
         let tangent = match self.rotations {
-            Rotations::Quaternion => Tangent::Quaternion,
-            Rotations::Vector => Tangent::RotationVector,
+            RotationConvention::Quaternion => Tangent::Quaternion,
+            RotationConvention::Vector => Tangent::RotationVector,
         };
         found.graph.write(&self.output, tangent)?;
         if let Some(names) = &self.names {
@@ -49,11 +49,11 @@ impl ToGraph {
         log(&format!(
             "{} clouds in {} parts, {} edges; {} poses not accepted, {} left out\n",
             found.graph.names().len(),
-            found.graph.parts(),
-            found.graph.edges(),
+            found.graph.component_count(),
+            found.graph.edge_count(),
             found.not_accepted,
-            found.left_out
+            found.skipped
         ));
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 }

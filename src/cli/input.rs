@@ -12,13 +12,13 @@ use crate::io::{self, Differences};
 
 /// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
 /// rest; `stream` keeps the samples of a pair independent.
-fn read(
+fn read_cloud(
     path: &Path,
     thinning: &Downsampling,
     keep_no_returns: bool,
     stream: u64,
 ) -> Result<PointCloud> {
-    let (mut cloud, _) = read_whole(path)?;
+    let (mut cloud, _) = read_file(path)?;
     let marks = filter::find_no_returns(&cloud);
     for mark in &marks {
         let ([x, y, z], rows) = (mark.place, mark.rows);
@@ -42,11 +42,11 @@ pub(super) fn read_with_differences(
     path: &Path,
     thinning: &Downsampling,
 ) -> Result<(PointCloud, Differences)> {
-    let (cloud, differences) = read_whole(path)?;
+    let (cloud, differences) = read_file(path)?;
     Ok((thinning.apply(cloud, 0)?, differences))
 }
 
-fn read_whole(path: &Path) -> Result<(PointCloud, Differences)> {
+fn read_file(path: &Path) -> Result<(PointCloud, Differences)> {
     let (cloud, differences) = io::read_with_differences(path)?;
     if cloud.dropped() > 0 {
         let (path, dropped) = (path.display(), cloud.dropped());
@@ -74,12 +74,13 @@ pub(super) fn read_pair(
     viewpoints: ViewpointSource,
     keep_no_returns: bool,
 ) -> Result<[PointCloud; 2]> {
-    let read = |path, stream| viewpoints.apply(read(path, thinning, keep_no_returns, stream)?);
+    let read =
+        |path, stream| viewpoints.apply(read_cloud(path, thinning, keep_no_returns, stream)?);
     Ok([read(source, 0)?, read(target, 1)?])
 }
 
 /// The help of `--viewpoints`.
-pub(super) const VIEWPOINTS: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
+pub(super) const VIEWPOINTS_HELP: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
      file's frame, where it says nothing), none (unknown)";
 
 impl Args for Downsampling {

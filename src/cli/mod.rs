@@ -41,25 +41,25 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Find the pose that maps one cloud into the frame of another
-    Register(register::Register),
+    Register(register::RegisterCommand),
     /// Show results that were kept: the page of what register --json printed, a table of rows
-    Report(report::Report),
+    Report(report::ReportCommand),
     /// Say what is in files
-    Info(clouds::Info),
+    Info(clouds::InfoCommand),
     /// Write a cloud in another format, thinned or moved on the way
-    Convert(clouds::Convert),
+    Convert(clouds::ConvertCommand),
     /// Measure how well two clouds lie on each other under a given pose
-    Evaluate(evaluate::Evaluate),
+    Evaluate(evaluate::EvaluateCommand),
     /// Register two samples of a built-in shape whose true pose is known
-    Demo(demo::Demo),
+    Demo(demo::DemoCommand),
     /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
-    Benchmark(benchmark::Benchmark),
+    Benchmark(benchmark::BenchmarkCommand),
     /// Make a list of pairs: consecutive scans, scans of a map, scans near each other
-    Pairs(pairs::Pairs),
+    Pairs(pairs::PairsCommand),
     /// Register a list of pairs, one row of results a pair; goes on where it was cut short
-    Batch(batch::Batch),
+    Batch(batch::BatchCommand),
     /// Make a graph of poses (g2o) of the accepted ones among results of a list
-    Graph(graph::ToGraph),
+    Graph(graph::GraphCommand),
     /// Print the licences of all software that is compiled into this program
     Licenses,
 }
@@ -69,23 +69,25 @@ const THIRD_PARTY: &str = include_str!("../../THIRD-PARTY.txt");
 
 /// What a command found: the exit code of an answer.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Outcome {
+enum CommandOutcome {
     Trusted,
     Doubted,
 }
 
 /// Whether there is no standard output: the process was begun without.
-static NO_OUTPUT: AtomicBool = AtomicBool::new(false);
+static STDOUT_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command line of this process; `output` tells whether it was begun with a standard
 /// output. Rust puts /dev/null where there is none, and what is printed is lost.
 pub fn main(output: bool) -> ExitCode {
-    NO_OUTPUT.store(!output, Ordering::Relaxed);
+    STDOUT_CLOSED.store(!output, Ordering::Relaxed);
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) if error.use_stderr() => error.exit(),
         // Help, or the version.
-        Err(help) => return exit_code(written(|| help.print()).map(|()| Outcome::Trusted)),
+        Err(help) => {
+            return exit_code(write_stdout(|| help.print()).map(|()| CommandOutcome::Trusted));
+        }
     };
     exit_code(match arguments.command {
         Command::Register(command) => command.run(),
@@ -98,14 +100,14 @@ pub fn main(output: bool) -> ExitCode {
         Command::Pairs(command) => command.run(),
         Command::Batch(command) => command.run(),
         Command::Graph(command) => command.run(),
-        Command::Licenses => print(THIRD_PARTY).map(|()| Outcome::Trusted),
+        Command::Licenses => print(THIRD_PARTY).map(|()| CommandOutcome::Trusted),
     })
 }
 
-fn exit_code(outcome: Result<Outcome>) -> ExitCode {
+fn exit_code(outcome: Result<CommandOutcome>) -> ExitCode {
     match outcome {
-        Ok(Outcome::Trusted) => ExitCode::SUCCESS,
-        Ok(Outcome::Doubted) => ExitCode::from(1),
+        Ok(CommandOutcome::Trusted) => ExitCode::SUCCESS,
+        Ok(CommandOutcome::Doubted) => ExitCode::from(1),
         // As shells count it: 128 and the number of the signal.
         Err(Error::Interrupted) => ExitCode::from(130),
         Err(error) => {
@@ -122,13 +124,13 @@ fn log(text: &str) {
 
 /// Writes `text` to stdout.
 fn print(text: &str) -> Result<()> {
-    written(|| io::stdout().write_all(text.as_bytes()))
+    write_stdout(|| io::stdout().write_all(text.as_bytes()))
 }
 
 /// Has something written to stdout, all of it: what is lost there is no answer.
-fn written(write: impl FnOnce() -> io::Result<()>) -> Result<()> {
+fn write_stdout(write: impl FnOnce() -> io::Result<()>) -> Result<()> {
     let closed = "closed before all was printed: the answer is lost";
-    if NO_OUTPUT.load(Ordering::Relaxed) {
+    if STDOUT_CLOSED.load(Ordering::Relaxed) {
         return Err(Error::io("standard output", io::Error::other(closed)));
     }
     let done = write().and_then(|()| io::stdout().flush());

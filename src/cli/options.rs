@@ -35,7 +35,7 @@ pub(super) struct PriorOptions {
 
 impl PriorOptions {
     /// What judges a pose by it, by this length where there is one.
-    pub(super) fn judge(&self, voxel: Option<f64>) -> Result<Consensus> {
+    pub(super) fn verifier(&self, voxel: Option<f64>) -> Result<Consensus> {
         let channels = self.channels.iter().map(|text| text.parse()).collect::<Result<_>>()?;
         let judge = Consensus { voxel, prior: self.prior()?, channels, ..Consensus::default() };
         judge.validate()?;
@@ -57,7 +57,7 @@ impl PriorOptions {
         let mut prior = Prior::default();
         if let Some(text) = &self.direction {
             let (source, target) = text.split_once(':').unwrap_or((text, text));
-            let read = |part: &str| numbers(part).and_then(|all| all.try_into().ok());
+            let read = |part: &str| parse_numbers(part).and_then(|all| all.try_into().ok());
             let (Some(source), Some(target)) = (read(source), read(target)) else {
                 let rule = "must be X,Y,Z or X,Y,Z:X,Y,Z";
                 return Err(Error::config("direction", text, rule));
@@ -128,7 +128,7 @@ pub(super) struct MethodOptions {
     #[arg(long)]
     scale: Option<ScaleEstimate>,
     #[command(flatten)]
-    known: PriorOptions,
+    prior_options: PriorOptions,
     /// Bounds of an estimated scale
     #[arg(long, value_name = "LOW,HIGH")]
     scale_bounds: Option<String>,
@@ -143,7 +143,7 @@ pub(super) struct MethodOptions {
         long, value_name = "WHEN", num_args = 0..=1, require_equals = true,
         default_value = "auto", default_missing_value = "on"
     )]
-    verdict: WhenVerified,
+    verdict: VerdictMode,
     #[arg(long, value_name = "FILE", help = VERDICT_MODEL)]
     verdict_model: Option<PathBuf>,
     /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
@@ -164,7 +164,7 @@ pub(super) const VERDICT_MODEL: &str = "Model that ranks poses and gives verdict
 
 /// Which poses are verified that have no verdict yet.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum WhenVerified {
+enum VerdictMode {
     Auto,
     On,
     Off,
@@ -175,7 +175,7 @@ impl MethodOptions {
     /// from one, and verifies its pose as `--verdict` says.
     pub(super) fn chain(&self) -> Result<Pipeline> {
         let mut chain = self.method()?;
-        if let Some(near) = &self.known.near
+        if let Some(near) = &self.prior_options.near
             && chain.first().as_refinement().is_some()
         {
             chain = chain.with_initial(io::read_transform(near)?)?;
@@ -184,9 +184,9 @@ impl MethodOptions {
             chain = chain.keep_no_returns();
         }
         let verified = match self.verdict {
-            WhenVerified::Auto => !self.bulk || chain.is_slower_than_verdict(),
-            WhenVerified::On => true,
-            WhenVerified::Off => false,
+            VerdictMode::Auto => !self.bulk || chain.is_slower_than_verdict(),
+            VerdictMode::On => true,
+            VerdictMode::Off => false,
         };
         let verifier = chain.first().verifier();
         let chain = if verified { chain.with_verification(verifier) } else { chain };
@@ -198,7 +198,7 @@ impl MethodOptions {
 
     /// Files that are read for it.
     pub(super) fn inputs(&self) -> Option<&Path> {
-        self.known.near.as_deref()
+        self.prior_options.near.as_deref()
     }
 
     /// What was typed, laid over the defaults of method and refinements.
@@ -221,7 +221,7 @@ impl MethodOptions {
             }
         }
         for text in &self.set {
-            let (name, value) = assignment(text)?;
+            let (name, value) = parse_assignment(text)?;
             let owner = name.split_once('.').and_then(|(owner, field)| {
                 let at = self.refine.iter().position(|refine| refine == owner)?;
                 Some((at, field))
@@ -238,7 +238,7 @@ impl MethodOptions {
 
     /// [`chain`](Self::chain) with `--voxel` for those that make of it what they need: thinning by it would
     /// come too early.
-    pub(super) fn with_length(&self, thinning: &Downsampling) -> Result<(Pipeline, Downsampling)> {
+    pub(super) fn with_voxel(&self, thinning: &Downsampling) -> Result<(Pipeline, Downsampling)> {
         let method: Method = self.method.parse()?;
         let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
             return Ok((self.chain()?, *thinning));
@@ -251,7 +251,7 @@ impl MethodOptions {
 
     /// The same for pairs that run beside each other: refinements may stand after `+` in
     /// `--method`, and `--threads` is left to those who run the pairs.
-    pub(super) fn in_bulk(&self) -> MethodOptions {
+    pub(super) fn for_batch(&self) -> MethodOptions {
         let mut options = self.clone();
         let mut parts = self.method.split('+').map(String::from);
         options.method = parts.next().unwrap_or_default();
@@ -263,9 +263,9 @@ impl MethodOptions {
 
     /// What is known of the pose beforehand, if anything was said.
     fn prior(&self) -> Result<Option<Prior>> {
-        let mut prior = self.known.prior()?;
+        let mut prior = self.prior_options.prior()?;
         if let Some(text) = &self.scale_bounds {
-            let bounds = numbers(text).and_then(|all| <[f64; 2]>::try_from(all).ok());
+            let bounds = parse_numbers(text).and_then(|all| <[f64; 2]>::try_from(all).ok());
             let Some(bounds) = bounds else {
                 return Err(Error::config("scale-bounds", text, "must be LOW,HIGH"));
             };
@@ -281,16 +281,16 @@ impl MethodOptions {
         let mut flags = Vec::new();
         let mut add = |name, value: Option<Value>| flags.extend(value.map(|value| (name, value)));
         add("neighbors", self.neighbors.map(Value::from));
-        add("radius", self.radius.map(number));
+        add("radius", self.radius.map(json_number));
         if !self.more_neighbors.is_empty() {
             add("more_neighbors", Some(json!(self.more_neighbors)));
         }
-        if !self.known.channels.is_empty() {
-            add("channels", Some(json!(self.known.channels)));
+        if !self.prior_options.channels.is_empty() {
+            add("channels", Some(json!(self.prior_options.channels)));
         }
         add("normal_neighbors", self.normal_neighbors.map(Value::from));
         if let Some(text) = &self.orientation {
-            let (name, value) = orientation(text);
+            let (name, value) = parse_orientation(text);
             add(name, Some(value));
         }
         add("histogram", self.histogram.map(|histogram| json!(histogram)));
@@ -306,12 +306,12 @@ impl MethodOptions {
 }
 
 /// JSON knows neither NaN nor infinity; as words the setting refuses them.
-fn number(value: f64) -> Value {
+fn json_number(value: f64) -> Value {
     if value.is_finite() { value.into() } else { value.to_string().into() }
 }
 
 /// `NAME=VALUE`, the value as JSON where it is, else as a string.
-fn assignment(text: &str) -> Result<(&str, Value)> {
+fn parse_assignment(text: &str) -> Result<(&str, Value)> {
     let Some((name, value)) = text.split_once('=') else {
         return Err(Error::config("set", text, "must be NAME=VALUE"));
     };
@@ -320,13 +320,13 @@ fn assignment(text: &str) -> Result<(&str, Value)> {
 }
 
 /// Numbers with commas between.
-fn numbers(text: &str) -> Option<Vec<f64>> {
+fn parse_numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|x| x.trim().parse().ok()).collect()
 }
 
 /// Three numbers are a viewpoint, anything else the name of a rule.
-fn orientation(text: &str) -> (&'static str, Value) {
-    match numbers(text) {
+fn parse_orientation(text: &str) -> (&'static str, Value) {
+    match parse_numbers(text) {
         Some(numbers) if numbers.len() == 3 => ("viewpoint", json!(numbers)),
         _ => ("orientation", text.into()),
     }

@@ -38,7 +38,7 @@ pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)])
 
 /// Refuses an output that was not named, but follows from another name, where a file is that
 /// `ours` does not know for one of this program.
-pub(super) fn check_unnamed(
+pub(super) fn check_default_path(
     option: &'static str,
     path: &Path,
     ours: impl FnOnce(&Path) -> bool,

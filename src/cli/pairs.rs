@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::{Outcome, log, outputs};
-use crate::batch::{self, List, ScanPositions};
+use super::{CommandOutcome, log, outputs};
+use crate::batch::{self, PairList, ScanPositions};
 use crate::error::{Error, Result};
 
 #[derive(Args)]
-pub(super) struct Pairs {
+pub(super) struct PairsCommand {
     #[command(subcommand)]
-    mode: Mode,
+    mode: PairingMode,
 }
 
 #[derive(Subcommand)]
-enum Mode {
+enum PairingMode {
     /// Each scan with those before it: consecutive ones, or further apart
     Sequence {
         /// Scans in their order; a folder stands for the clouds in it, by name, 2 before 10
@@ -54,23 +54,23 @@ enum Mode {
     },
 }
 
-impl Pairs {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl PairsCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         match &self.mode {
-            Mode::Sequence { scans, steps, output } => {
-                let scans = clouds(scans)?;
+            PairingMode::Sequence { scans, steps, output } => {
+                let scans = find_clouds(scans)?;
                 let pairs = batch::sequential_pairs(scans.len(), steps)?;
                 write(&scans, pairs, output)
             }
-            Mode::Map { map, scans, output } => {
-                let mut scans = clouds(scans)?;
+            PairingMode::Map { map, scans, output } => {
+                let mut scans = find_clouds(scans)?;
                 let number = scans.len();
                 scans.push(map.clone());
                 write(&scans, (0..number).map(|scan| [scan, number]).collect(), output)
             }
-            Mode::Near { poses, radius, output } => {
+            PairingMode::Near { poses, radius, output } => {
                 outputs::check(&[poses], &[("output", Some(output))])?;
-                let ScanPositions { names, places } = ScanPositions::read(poses)?;
+                let ScanPositions { names, positions: places } = ScanPositions::read(poses)?;
                 let pairs = batch::radius_pairs(&places, *radius)?;
                 let folder = poses.parent().unwrap_or(Path::new(""));
                 let scans: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
@@ -81,13 +81,13 @@ impl Pairs {
 }
 
 /// Writes the list of these pairs, files as they are seen from its folder.
-fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Outcome> {
+fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<CommandOutcome> {
     let inputs: Vec<&Path> = scans.iter().map(PathBuf::as_path).collect();
     outputs::check(&inputs, &[("output", Some(output))])?;
     let folder = output.parent().filter(|folder| *folder != Path::new(""));
-    let folder = real(folder.unwrap_or(Path::new(".")))?;
+    let folder = canonicalize(folder.unwrap_or(Path::new(".")))?;
     let name = |file: &PathBuf| {
-        let file = real(file)?;
+        let file = canonicalize(file)?;
         let name = file.strip_prefix(&folder).unwrap_or(&file);
         let name = name.to_str().map(String::from);
         let rule = "its name is not Unicode, and lists are";
@@ -97,20 +97,20 @@ fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Out
     if pairs.is_empty() {
         log("cfreg: no pair: the list has its columns alone\n");
     }
-    let list = List::new(folder, pairs.iter().map(|pair| pair.map(|scan| &names[scan])));
+    let list = PairList::new(folder, pairs.iter().map(|pair| pair.map(|scan| &names[scan])));
     list.write(output)?;
     log(&format!("{} pairs of {} clouds\n", list.len(), scans.len()));
-    Ok(Outcome::Trusted)
+    Ok(CommandOutcome::Trusted)
 }
 
 /// The place itself, whatever links lead there.
-fn real(path: &Path) -> Result<PathBuf> {
+fn canonicalize(path: &Path) -> Result<PathBuf> {
     fs::canonicalize(path).map_err(|error| Error::io(path, error))
 }
 
 /// Files, and the clouds in folders by name.
-fn clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    const ENDS: [&str; 4] = ["ply", "pcd", "xyz", "xyzn"];
+fn find_clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    const EXTENSIONS: [&str; 4] = ["ply", "pcd", "xyz", "xyzn"];
     let mut files = Vec::new();
     for path in given {
         if !path.is_dir() {
@@ -123,20 +123,20 @@ fn clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let mut within = within.collect::<Result<Vec<PathBuf>>>()?;
         within.retain(|file| {
             let end = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            ENDS.contains(&end.as_str())
+            EXTENSIONS.contains(&end.as_str())
         });
         if within.is_empty() {
-            let rule = format!("no cloud in this folder (.{})", ENDS.join(", ."));
+            let rule = format!("no cloud in this folder (.{})", EXTENSIONS.join(", ."));
             return Err(Error::config("scans", path.display(), rule));
         }
-        within.sort_by_cached_key(|file| natural(&file.to_string_lossy()));
+        within.sort_by_cached_key(|file| natural_sort_key(&file.to_string_lossy()));
         files.extend(within);
     }
     Ok(files)
 }
 
 /// What names are sorted by: digits as the number they are.
-fn natural(name: &str) -> Vec<(String, u128)> {
+fn natural_sort_key(name: &str) -> Vec<(String, u128)> {
     let mut parts = Vec::new();
     let mut rest = name;
     while !rest.is_empty() {
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn digits_are_numbers() {
         let mut names = ["10.ply", "a2.ply", "9.ply", "a10b1.ply", "a10b.ply"];
-        names.sort_by_key(|name| natural(name));
+        names.sort_by_key(|name| natural_sort_key(name));
         assert_eq!(names, ["9.ply", "10.ply", "a2.ply", "a10b1.ply", "a10b.ply"]);
     }
 }

@@ -6,18 +6,18 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::MethodOptions;
-use super::report_options::Pictures;
-use super::{Outcome, input, log, matrix_text, outputs, print, print_json, progress};
+use super::report_options::ReportOptions;
+use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
-use crate::report::Pair;
+use crate::report::PairReport;
 use crate::verify::Warning;
 use crate::{io, par};
 
 #[derive(Args)]
-pub(super) struct Register {
+pub(super) struct RegisterCommand {
     /// Cloud that is moved (PLY, PCD, XYZ, TXT, CSV)
     source: PathBuf,
     /// Cloud that stays
@@ -26,7 +26,7 @@ pub(super) struct Register {
     method: MethodOptions,
     #[command(flatten)]
     thinning: Downsampling,
-    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
@@ -38,12 +38,12 @@ pub(super) struct Register {
     #[arg(long, value_name = "OUT.ply")]
     write_aligned: Option<PathBuf>,
     #[command(flatten)]
-    pictures: Pictures,
+    pictures: ReportOptions,
 }
 
 /// What `--json` prints: the registration, and what the command did around it.
 #[derive(Serialize)]
-struct Answer<'a> {
+struct RegisterOutput<'a> {
     #[serde(flatten)]
     registration: &'a Registration,
     source: String,
@@ -54,9 +54,9 @@ struct Answer<'a> {
     command: String,
 }
 
-impl Register {
-    pub(super) fn run(&self) -> Result<Outcome> {
-        let (method, thinning) = self.method.with_length(&self.thinning)?;
+impl RegisterCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
+        let (method, thinning) = self.method.with_voxel(&self.thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
             io::check_writable(path)?;
@@ -104,7 +104,7 @@ impl Register {
         if !registration.is_usable() {
             log(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
         }
-        let answer = Answer {
+        let answer = RegisterOutput {
             registration: &registration,
             source: self.source.display().to_string(),
             target: self.target.display().to_string(),
@@ -112,12 +112,12 @@ impl Register {
             viewpoints: self.viewpoints,
             command: command_line(),
         };
-        if self.pictures.any() {
+        if self.pictures.is_requested() {
             let bar = progress(0, "drawing");
             let json = serde_json::to_string(&answer)
                 .map_err(|error| Error::io("the result", std::io::Error::other(error)))?;
             let [source, target] = &clouds;
-            let pair = Pair::new(&json, source, target)?;
+            let pair = PairReport::new(&json, source, target)?;
             par::with_threads(threads, || self.pictures.write(&pair))??;
             bar.finish_and_clear();
         }
@@ -127,7 +127,7 @@ impl Register {
             log(&summary(&registration));
             print(&matrix_text(&registration.transform.matrix()))?;
         }
-        Ok(if registration.is_usable() { Outcome::Trusted } else { Outcome::Doubted })
+        Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
 }
 

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::report_options::Pictures;
-use super::{Outcome, input, log, outputs, progress};
+use super::report_options::ReportOptions;
+use super::{CommandOutcome, input, log, outputs, progress};
 use crate::batch;
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::report::{self, BatchReport, SavedResult};
 
 #[derive(Args)]
-pub(super) struct Report {
+pub(super) struct ReportCommand {
     /// What `cfreg register --json` printed: a page; or rows of `cfreg batch` (.csv, .jsonl,
     /// .parquet or a folder of these): a table, the worst first, that opens pages of pairs.
     /// Clouds are looked for where they were, then from beside this file
@@ -30,18 +30,18 @@ pub(super) struct Report {
     /// Rows, the worst first, that have a page of their own
     #[arg(long, value_name = "N", default_value_t = 100)]
     pages: usize,
-    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS)]
+    #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
 }
 
-impl Report {
-    pub(super) fn run(&self) -> Result<Outcome> {
+impl ReportCommand {
+    pub(super) fn run(&self) -> Result<CommandOutcome> {
         let end = self.result.extension().map(|end| end.to_string_lossy().to_lowercase());
         let rows = matches!(end.as_deref(), Some("csv" | "jsonl" | "parquet"));
-        if rows || self.result.is_dir() { self.table() } else { self.page() }
+        if rows || self.result.is_dir() { self.write_table() } else { self.write_page() }
     }
 
-    fn table(&self) -> Result<Outcome> {
+    fn write_table(&self) -> Result<CommandOutcome> {
         if let Some(figure) = &self.figure {
             let rule = "is of one result, not of rows: leave it out";
             return Err(Error::config("figure", figure.display(), rule));
@@ -65,18 +65,18 @@ impl Report {
         bar.finish_and_clear();
         let index = output.join("index.html");
         log(&format!("cfreg: {} rows, {made} pages: {}\n", rows.len(), index.display()));
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 
-    fn page(&self) -> Result<Outcome> {
+    fn write_page(&self) -> Result<CommandOutcome> {
         let output = self.output.clone().unwrap_or_else(|| self.result.with_extension("html"));
         if self.output.is_none() {
-            outputs::check_unnamed("output", &output, report::is_ours)?;
+            outputs::check_default_path("output", &output, report::is_report_page)?;
         }
-        let pictures = Pictures { report: Some(output), figure: self.figure.clone() };
+        let pictures = ReportOptions { report: Some(output), figure: self.figure.clone() };
         pictures.check()?;
         let kept = SavedResult::read(&self.result)?;
-        let [source, target] = kept.files()?.map(|file| self.found(file));
+        let [source, target] = kept.files()?.map(|file| self.find_cloud(file));
         let (source, target) = (source?, target?);
         outputs::check(&[&self.result, &source, &target], &pictures.outputs())?;
         let bar = progress(0, "drawing");
@@ -88,11 +88,11 @@ impl Report {
         )?;
         pictures.write(&kept.pair(&source, &target)?)?;
         bar.finish_and_clear();
-        Ok(Outcome::Trusted)
+        Ok(CommandOutcome::Trusted)
     }
 
     /// Where a cloud is that the result names.
-    fn found(&self, named: &Path) -> Result<PathBuf> {
+    fn find_cloud(&self, named: &Path) -> Result<PathBuf> {
         let beside = self.result.parent().unwrap_or(Path::new("")).join(named);
         let places = [named.to_path_buf(), beside];
         places.into_iter().find(|place| place.is_file()).ok_or_else(|| {

@@ -6,10 +6,10 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::io;
-use crate::report::Pair;
+use crate::report::PairReport;
 
 #[derive(Args, Clone)]
-pub(super) struct Pictures {
+pub(super) struct ReportOptions {
     /// Write a page that shows the clouds before and after, whether to trust the pose and why;
     /// one file, which needs no network
     #[arg(long, value_name = "OUT.html")]
@@ -19,9 +19,9 @@ pub(super) struct Pictures {
     pub(super) figure: Option<PathBuf>,
 }
 
-impl Pictures {
+impl ReportOptions {
     /// Whether any is wanted.
-    pub(super) fn any(&self) -> bool {
+    pub(super) fn is_requested(&self) -> bool {
         self.report.is_some() || self.figure.is_some()
     }
 
@@ -32,34 +32,34 @@ impl Pictures {
 
     /// Refuses a figure of no known kind.
     pub(super) fn check(&self) -> Result<()> {
-        self.figure.as_deref().map_or(Ok(()), |path| kind(path).map(|_| ()))
+        self.figure.as_deref().map_or(Ok(()), |path| figure_format(path).map(|_| ()))
     }
 
-    pub(super) fn write(&self, pair: &Pair<'_>) -> Result<()> {
+    pub(super) fn write(&self, pair: &PairReport<'_>) -> Result<()> {
         if let Some(path) = &self.report {
             io::write_bytes(path, pair.html()?.as_bytes())?;
         }
         if let Some(path) = &self.figure {
             let figure = pair.figure()?;
-            match kind(path)? {
-                Kind::Svg => io::write_bytes(path, figure.svg()?.as_bytes())?,
-                Kind::Png => io::write_bytes(path, &figure.png()?)?,
+            match figure_format(path)? {
+                FigureFormat::Svg => io::write_bytes(path, figure.svg()?.as_bytes())?,
+                FigureFormat::Png => io::write_bytes(path, &figure.png()?)?,
             }
         }
         Ok(())
     }
 }
 
-enum Kind {
+enum FigureFormat {
     Png,
     Svg,
 }
 
-fn kind(path: &Path) -> Result<Kind> {
+fn figure_format(path: &Path) -> Result<FigureFormat> {
     let end = path.extension().map(|end| end.to_string_lossy().to_lowercase());
     match end.as_deref() {
-        Some("png") => Ok(Kind::Png),
-        Some("svg") => Ok(Kind::Svg),
+        Some("png") => Ok(FigureFormat::Png),
+        Some("svg") => Ok(FigureFormat::Svg),
         _ => Err(Error::config("figure", path.display(), "must end in .png or .svg")),
     }
 }

@@ -17,7 +17,7 @@ pub(super) struct Axis {
 /// Room beyond the values at either end, as a share of the axis.
 const MARGIN: f64 = 0.03;
 /// About as many labels as an axis has room for.
-const LABELS: f64 = 7.0;
+const TARGET_LABELS: f64 = 7.0;
 
 impl Axis {
     /// Over all of `values` that it can show, and over zero where it is linear and `grounded`.
@@ -45,7 +45,7 @@ impl Axis {
     }
 
     /// Whether `value` has a place.
-    pub(super) fn shows(&self, value: f64) -> bool {
+    pub(super) fn can_show(&self, value: f64) -> bool {
         place(value, self.logarithmic).is_some()
     }
 
@@ -57,7 +57,7 @@ impl Axis {
     /// Places of the labels.
     fn ticks(&self) -> Vec<f64> {
         let span = self.high - self.low;
-        if self.logarithmic && span < LABELS {
+        if self.logarithmic && span < TARGET_LABELS {
             // 1, 2, 5 in every decade, 1 and 3 or 1 alone, as there is room.
             let within: &[f64] = match span {
                 span if span < 2.9 => &[1.0, 2.0, 5.0],
@@ -86,7 +86,7 @@ impl Axis {
 
     /// Between labels, where they are even.
     fn step(&self) -> f64 {
-        round((self.high - self.low) / LABELS)
+        round_step((self.high - self.low) / TARGET_LABELS)
     }
 }
 
@@ -124,7 +124,7 @@ fn place(value: f64, logarithmic: bool) -> Option<f64> {
 }
 
 /// The next of 1, 2, 5, 10, … times a power of ten.
-fn round(step: f64) -> f64 {
+fn round_step(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let times = [1.0, 2.0, 5.0].into_iter().find(|m| m * power >= step * (1.0 - 1e-9));
     times.unwrap_or(10.0) * power

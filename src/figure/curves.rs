@@ -58,15 +58,15 @@ pub(super) fn draw<B: DrawingBackend>(
         .draw()?;
 
     let area = chart.plotting_area();
-    for (k, curve) in numbered(curves) {
+    for (k, curve) in with_color_index(curves) {
         if curve.band.len() == curve.points.len() {
-            let ends = curve.points.iter().zip(&curve.band).filter(|(p, _)| x.shows(p[0]));
+            let ends = curve.points.iter().zip(&curve.band).filter(|(p, _)| x.can_show(p[0]));
             let low = ends.clone().map(|(p, band)| (p[0], band[0]));
             let high = ends.rev().map(|(p, band)| (p[0], band[1]));
             let outline: Vec<_> = low.chain(high).collect();
             area.draw(&Polygon::new(outline, colour(curve, k).mix(0.15)))?;
         }
-        let shown = |p: &&[f64; 2]| x.shows(p[0]) && y.shows(p[1]);
+        let shown = |p: &&[f64; 2]| x.can_show(p[0]) && y.can_show(p[1]);
         let path: Vec<_> = curve.points.iter().filter(shown).map(|&[x, y]| (x, y)).collect();
         stroke(area, curve, k, path.clone())?;
         if !curve.guide {
@@ -75,7 +75,7 @@ pub(super) fn draw<B: DrawingBackend>(
     }
 
     let top = (place.dim_in_pixel().1 as i32 - LINE * curves.len() as i32).max(2 * LINE) / 2;
-    let named = numbered(curves).filter(|(_, curve)| !curve.name.is_empty());
+    let named = with_color_index(curves).filter(|(_, curve)| !curve.name.is_empty());
     for (row, (k, curve)) in named.enumerate() {
         let at = top + LINE * row as i32;
         stroke(&names, curve, k, vec![(0, at), (PIECE, at)])?;
@@ -88,7 +88,7 @@ pub(super) fn draw<B: DrawingBackend>(
 }
 
 /// Curves with their number among those that have a colour.
-fn numbered(curves: &[Curve]) -> impl Iterator<Item = (usize, &Curve)> {
+fn with_color_index(curves: &[Curve]) -> impl Iterator<Item = (usize, &Curve)> {
     curves.iter().scan(0, |next, curve| {
         let k = *next;
         *next += usize::from(!curve.guide);

@@ -21,9 +21,9 @@ pub(super) fn draw<B: DrawingBackend>(
     title_place.margin(4, 0, 0, 0).titled(title, (FONT, 18))?;
     let named: Vec<(&str, RGBColor)> =
         sets.iter().zip(COLOURS.iter().cycle()).map(|(set, &c)| (set.name.as_str(), c)).collect();
-    let plot = list(&rest, &named)?;
+    let plot = draw_legend(&rest, &named)?;
     let size = plot.dim_in_pixel();
-    let (low, high) = central(sets.iter().flat_map(|set| &set.points));
+    let (low, high) = robust_center(sets.iter().flat_map(|set| &set.points));
     // One scale for both axes: the tighter one.
     let room = [size.0, size.1].map(|pixels| (f64::from(pixels) - 2.0 * EDGE).max(1.0));
     let scale = (0..2).map(|a| (high[a] - low[a]) / room[a]).fold(0.0, f64::max) * 1.04;
@@ -43,7 +43,7 @@ pub(super) fn draw<B: DrawingBackend>(
 }
 
 /// Names that are not empty, with their colours, in one line below; what is left above it.
-pub(super) fn list<B: DrawingBackend>(
+pub(super) fn draw_legend<B: DrawingBackend>(
     place: &DrawingArea<B, Shift>,
     named: &[(&str, RGBColor)],
 ) -> Result<DrawingArea<B, Shift>, DrawingAreaErrorKind<B::ErrorType>> {
@@ -73,7 +73,7 @@ pub(super) fn list<B: DrawingBackend>(
 
 /// A box about the points that stray ones do not blow up: about the central nine tenths of
 /// the coordinates, half as much more on every side, at most to where there are points.
-fn central<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> ([f64; 2], [f64; 2]) {
+fn robust_center<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> ([f64; 2], [f64; 2]) {
     let points: Vec<&[f64; 2]> = points.filter(|p| p.iter().all(|x| x.is_finite())).collect();
     let (mut low, mut high) = ([0.0; 2], [1.0; 2]);
     for a in 0..2 {

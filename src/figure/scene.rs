@@ -3,7 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use super::points::{EDGE, TITLE, list};
+use super::points::{EDGE, TITLE, draw_legend};
 use super::{Drawn, FONT, Scene};
 
 /// Largest dots, pixels.
@@ -21,7 +21,7 @@ pub(super) fn draw<B: DrawingBackend>(
     let colour = |[r, g, b]: [u8; 3]| RGBColor(r, g, b);
     let named: Vec<(&str, RGBColor)> =
         scene.names.iter().map(|(name, rgb)| (name.as_str(), colour(*rgb))).collect();
-    let plot = list(&rest, &named)?;
+    let plot = draw_legend(&rest, &named)?;
     let size = plot.dim_in_pixel();
     let room = [size.0, size.1].map(|pixels| (f64::from(pixels) / 2.0 - EDGE).max(1.0));
     // The shorter side shows what is asked for.

@@ -99,7 +99,7 @@ impl PoseGraph {
     }
 
     /// The vertex of a cloud, a new one for a name that is not there.
-    pub fn vertex(&mut self, name: &str) -> usize {
+    pub fn add_vertex(&mut self, name: &str) -> usize {
         if let Some(&vertex) = self.vertices.get(name) {
             return vertex;
         }
@@ -133,8 +133,8 @@ impl PoseGraph {
             ));
         }
         // The target first: poses are told in its frame.
-        let target = self.vertex(target);
-        let source = self.vertex(source);
+        let target = self.add_vertex(target);
+        let source = self.add_vertex(source);
         self.edges.push(Edge { source, target, pose, information, center, probability });
         Ok(())
     }
@@ -145,24 +145,25 @@ impl PoseGraph {
     }
 
     /// Number of accepted poses.
-    pub fn edges(&self) -> usize {
+    pub fn edge_count(&self) -> usize {
         self.edges.len()
     }
 
     /// Parts of the graph that no edge connects, a cloud without one counted too.
-    pub fn parts(&self) -> usize {
-        self.placed().1
+    pub fn component_count(&self) -> usize {
+        self.initial_poses().1
     }
 
     /// Where each cloud stands to begin with, by the most probable edges that connect all they
     /// can, and the number of parts; the first cloud of each part stands at the origin.
-    fn placed(&self) -> (Vec<Transform>, usize) {
+    fn initial_poses(&self) -> (Vec<Transform>, usize) {
         let mut order: Vec<&Edge> = self.edges.iter().collect();
         order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let mut roots: Vec<usize> = (0..self.names.len()).collect();
         let mut ways: Vec<Vec<(usize, Transform)>> = vec![Vec::new(); self.names.len()];
         for edge in order {
-            let [source, target] = [edge.source, edge.target].map(|cloud| root(&mut roots, cloud));
+            let [source, target] =
+                [edge.source, edge.target].map(|cloud| find_root(&mut roots, cloud));
             if source != target {
                 roots[source.max(target)] = source.min(target);
                 ways[edge.target].push((edge.source, edge.pose));
@@ -205,15 +206,15 @@ impl PoseGraph {
             numbers.for_each(|x| _ = write!(text, " {:?}", x + 0.0));
             text.push('\n');
         };
-        for (number, pose) in self.placed().0.iter().enumerate() {
+        for (number, pose) in self.initial_poses().0.iter().enumerate() {
             let number = number.to_string();
-            line(&["VERTEX_SE3:QUAT", &number], &mut place(pose).into_iter());
+            line(&["VERTEX_SE3:QUAT", &number], &mut translation_and_quaternion(pose).into_iter());
         }
         for edge in &self.edges {
             let [target, source] = [edge.target, edge.source].map(|cloud| cloud.to_string());
             let information = edge.information_in(tangent);
             let triangle = (0..6).flat_map(|i| information[i][i..].to_vec());
-            let mut numbers = place(&edge.pose).into_iter().chain(triangle);
+            let mut numbers = translation_and_quaternion(&edge.pose).into_iter().chain(triangle);
             line(&["EDGE_SE3:QUAT", &target, &source], &mut numbers);
         }
         text
@@ -264,7 +265,7 @@ impl Edge {
 }
 
 /// Shift and unit quaternion (x, y, z, w).
-fn place(pose: &Transform) -> [f64; 7] {
+fn translation_and_quaternion(pose: &Transform) -> [f64; 7] {
     let vector = pose.rotation_vector();
     let (sin, cos) = (0.5 * math::norm(vector)).sin_cos();
     let [x, y, z] = math::scaled(math::normalized(vector), sin);
@@ -273,7 +274,7 @@ fn place(pose: &Transform) -> [f64; 7] {
 }
 
 /// The first of those that are connected with it.
-fn root(roots: &mut [usize], mut cloud: usize) -> usize {
+fn find_root(roots: &mut [usize], mut cloud: usize) -> usize {
     while roots[cloud] != cloud {
         roots[cloud] = roots[roots[cloud]];
         cloud = roots[cloud];
@@ -330,7 +331,7 @@ mod tests {
                 let shift = math::sub(math::add(center, [x, y, z]), turn.rotate(center));
                 let truth = Transform { translation: shift, ..turn }.after(&measured);
                 let off = measured.inverse().after(&truth);
-                let [x, y, z, i, j, k, _] = place(&off);
+                let [x, y, z, i, j, k, _] = translation_and_quaternion(&off);
                 let rotation = match tangent {
                     Tangent::Quaternion => [i, j, k],
                     Tangent::RotationVector => off.rotation_vector(),
@@ -371,10 +372,10 @@ mod tests {
         graph.add_edge(&edge("c", "a", wrong, 0.7)).unwrap();
         graph.add_edge(&edge("b", "a", one, 0.99)).unwrap();
         graph.add_edge(&edge("b", "c", two.inverse(), 0.98)).unwrap();
-        assert_eq!((graph.vertex("d"), graph.vertex("a")), (3, 0));
+        assert_eq!((graph.add_vertex("d"), graph.add_vertex("a")), (3, 0));
         assert_eq!(graph.names(), ["a", "c", "b", "d"]);
-        assert_eq!((graph.edges(), graph.parts()), (3, 2));
-        let placed = graph.placed().0;
+        assert_eq!((graph.edge_count(), graph.component_count()), (3, 2));
+        let placed = graph.initial_poses().0;
         for (found, expected) in [(placed[2], one), (placed[1], one.after(&two))] {
             let off = found.inverse().after(&expected);
             assert!(off.angle() < 1e-12 && math::norm(off.translation) < 1e-12);
@@ -408,6 +409,6 @@ mod tests {
             let said = graph.add_edge(&bad).unwrap_err().to_string();
             assert!(said.starts_with("edge = ") && said.contains(why), "{said}");
         }
-        assert_eq!((graph.edges(), graph.names().len()), (0, 0));
+        assert_eq!((graph.edge_count(), graph.names().len()), (0, 0));
     }
 }

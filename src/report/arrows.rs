@@ -21,11 +21,11 @@ pub(super) struct Arrow {
 }
 
 /// Part of a motion below which it is not told: a tenth.
-const LEAST: f64 = 0.1;
+const MIN_COMPONENT: f64 = 0.1;
 
 impl Arrow {
     /// Of every motion that nothing holds; `middle` is that of the target.
-    pub(super) fn all(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
+    pub(super) fn unconstrained_motions(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
         spread.undetermined.iter().map(|free| Arrow::new(free, spread.center, middle)).collect()
     }
 
@@ -37,7 +37,7 @@ impl Arrow {
             let [x, y, z] = axis.map(|part| format!("{:.2}", part + 0.0));
             format!("({x}, {y}, {z})")
         };
-        if turn < LEAST {
+        if turn < MIN_COMPONENT {
             let axis = math::normalized(translation);
             let words = format!("slides along {}", named(axis));
             return Arrow { center: local, axis, turns: false, slides: true, words };
@@ -48,9 +48,10 @@ impl Arrow {
         let along = math::dot(axis, translation).abs();
         // As |ω|² + |τ|²/r² = 1.
         let radius = math::norm(translation) / (1.0 - turn * turn).max(1e-12).sqrt();
-        let slides = along > LEAST * radius && turn < (1.0 - LEAST * LEAST).sqrt();
+        let slides =
+            along > MIN_COMPONENT * radius && turn < (1.0 - MIN_COMPONENT * MIN_COMPONENT).sqrt();
         let place = math::add(local, off);
-        let [x, y, z] = math::add(place, middle).map(text::short);
+        let [x, y, z] = math::add(place, middle).map(text::format_number);
         let also = if slides { ", sliding along it," } else { "" };
         let words = format!("turns about {} through ({x}, {y}, {z}){also}", named(axis));
         Arrow {

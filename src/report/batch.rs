@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::Pair;
+use super::PairReport;
 use super::facts::{Facts, Judged, Spread, Told};
 use super::table_page::{self, TableCell, TablePage, TableRow};
-use crate::batch::{Row, symmetric};
+use crate::batch::{Row, symmetric_from_triangle};
 use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::io;
@@ -32,7 +32,7 @@ impl BatchReport<'_> {
     /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written,
     /// [`Error::Config`](crate::Error::Config) for a row whose pose is none.
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
-        table_page::make(self.output)?;
+        table_page::create_folders(self.output)?;
         let mut order: Vec<&Row> = rows.iter().collect();
         let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
             (Some(_), _) => 0,
@@ -58,12 +58,12 @@ impl BatchReport<'_> {
         let (mut made, mut missing) = (0, 0);
         let mut listed = Vec::new();
         for (at, row) in order.iter().enumerate() {
-            let mut line = line(row);
-            if let Some(facts) = facts(row)?.filter(|_| at < self.pages) {
-                match self.clouds(row) {
+            let mut line = table_row(row);
+            if let Some(facts) = facts_of_row(row)?.filter(|_| at < self.pages) {
+                match self.read_clouds(row) {
                     Ok([source, target]) => {
-                        let pair = Pair::new_from_facts(facts, &source, &target);
-                        line.open(pair, self.output, row.index)?;
+                        let pair = PairReport::from_facts(facts, &source, &target);
+                        line.add_pair_page(pair, self.output, row.index)?;
                         made += 1;
                     }
                     // The table stands without its pages.
@@ -97,13 +97,13 @@ impl BatchReport<'_> {
     }
 
     /// The clouds of a row, read again.
-    fn clouds(&self, row: &Row) -> Result<[PointCloud; 2]> {
+    fn read_clouds(&self, row: &Row) -> Result<[PointCloud; 2]> {
         let read = |name: &String| self.viewpoints.apply(io::read(self.clouds.join(name))?);
         Ok([read(&row.source)?, read(&row.target)?])
     }
 }
 
-fn line(row: &Row) -> TableRow {
+fn table_row(row: &Row) -> TableRow {
     let usable = row.is_usable();
     let verdict = match (&row.error, usable, row.decision.as_deref()) {
         (Some(_), ..) => "no answer",
@@ -123,17 +123,17 @@ fn line(row: &Row) -> TableRow {
         TableCell::text(&row.source),
         TableCell::text(&row.target),
         TableCell::text(verdict),
-        TableCell::share(row.probability),
-        TableCell::share(row.overlap),
-        TableCell::share(row.fitness),
-        TableCell::share(row.agreement),
+        TableCell::percent(row.probability),
+        TableCell::percent(row.overlap),
+        TableCell::percent(row.fitness),
+        TableCell::percent(row.agreement),
         TableCell::text(why),
     ];
     TableRow { tone, cells, ..TableRow::default() }
 }
 
 /// What a row tells, as a registration does; `None` without a pose.
-fn facts(row: &Row) -> Result<Option<Facts>> {
+fn facts_of_row(row: &Row) -> Result<Option<Facts>> {
     let Some(pose) = row.pose else { return Ok(None) };
     let rows = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| pose[4 * i + j]));
     let parts = |words: &Option<String>| -> Vec<String> {
@@ -141,7 +141,7 @@ fn facts(row: &Row) -> Result<Option<Facts>> {
     };
     let spread = row.covariance.zip(row.center).filter(|_| row.undetermined == Some(0));
     let spread = spread.map(|(triangle, center)| Spread {
-        matrix: symmetric(&triangle),
+        matrix: symmetric_from_triangle(&triangle),
         center,
         undetermined: Vec::new(),
     });

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::Pair;
+use super::PairReport;
 use super::table_page::{self, TableCell, TablePage, TableRow};
-use crate::benchmark::{self, Rerun, Row, Settings, reliability};
+use crate::benchmark::{self, BenchmarkRow, Rerun, Settings, reliability};
 use crate::error::Result;
 
 /// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
@@ -14,17 +14,17 @@ use crate::error::Result;
 ///
 /// # Errors
 /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written, those of reading clouds.
-pub fn benchmark(
-    rows: &[Row],
+pub fn write_benchmark(
+    rows: &[BenchmarkRow],
     pairs: &[benchmark::Pair],
     settings: Settings,
     folder: &Path,
     pages: usize,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<()> {
-    table_page::make(folder)?;
-    let mut order: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
-    let badness = |row: &Row| match (row.right, row.accepted) {
+    table_page::create_folders(folder)?;
+    let mut order: Vec<(usize, &BenchmarkRow)> = rows.iter().enumerate().collect();
+    let badness = |row: &BenchmarkRow| match (row.right, row.accepted) {
         (false, true) => 0,
         (false, false) if !row.error.is_empty() => 1,
         // Of clouds with nothing in common no pose is right.
@@ -32,21 +32,21 @@ pub fn benchmark(
         (true, false) => 3,
         (false, false) | (true, true) => 4,
     };
-    let off = |row: &Row| -row.rotation_deg.unwrap_or(0.0);
+    let off = |row: &BenchmarkRow| -row.rotation_deg.unwrap_or(0.0);
     order.sort_by(|(i, a), (j, b)| {
         badness(a).cmp(&badness(b)).then(off(a).total_cmp(&off(b))).then(i.cmp(j))
     });
     let mut listed = Vec::new();
     let all = order.len().min(pages);
     for (at, &(number, row)) in order.iter().enumerate() {
-        let mut line = line(row, badness(row));
+        let mut line = table_row(row, badness(row));
         if at < pages && row.error.is_empty() {
-            open(&mut line, row, number, pairs, settings, folder)?;
+            add_pair_page(&mut line, row, number, pairs, settings, folder)?;
         }
         listed.push(line);
         progress((at + 1).min(all), all);
     }
-    let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
+    let count = |is: &dyn Fn(&BenchmarkRow) -> bool| rows.iter().filter(|row| is(row)).count();
     let mut lines = vec![format!(
         "{} registrations: {} right, {} wrong and accepted, {} without an answer.",
         rows.len(),
@@ -74,34 +74,34 @@ pub fn benchmark(
     let title = "A benchmark, the worst first".into();
     let mut page = TablePage { title, lines, columns, rows: listed, ..TablePage::default() };
     if rows.iter().any(|row| row.probability.is_some()) {
-        page.draw(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
+        page.add_figure(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
     }
     page.write(folder)
 }
 
-fn open(
+fn add_pair_page(
     line: &mut TableRow,
-    row: &Row,
+    row: &BenchmarkRow,
     number: usize,
     pairs: &[benchmark::Pair],
     settings: Settings,
     folder: &Path,
 ) -> Result<()> {
     // Poses of other programs cannot be found again.
-    let Ok(chain) = benchmark::method(&row.method) else { return Ok(()) };
-    let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.is_of(pair)) else {
+    let Ok(chain) = benchmark::parse_method(&row.method) else { return Ok(()) };
+    let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.matches_pair(pair)) else {
         return Ok(());
     };
     let Rerun { source, target, found, truth } = benchmark::rerun(pair, at, &chain, settings)?;
     let json = serde_json::to_string(&found)
         .map_err(|error| crate::Error::io("a registration", std::io::Error::other(error)))?;
-    let mut page = Pair::new(&json, &source, &target)?;
+    let mut page = PairReport::new(&json, &source, &target)?;
     page.names = [row.source.clone(), row.target.clone()];
     page.truth = truth;
-    line.open(page, folder, number)
+    line.add_pair_page(page, folder, number)
 }
 
-fn line(row: &Row, badness: usize) -> TableRow {
+fn table_row(row: &BenchmarkRow, badness: usize) -> TableRow {
     let known = row.rotation_deg.is_some() || !row.error.is_empty();
     let word = match (row.right, known) {
         (true, _) => "right",
@@ -125,10 +125,10 @@ fn line(row: &Row, badness: usize) -> TableRow {
         TableCell::text(&row.method),
         TableCell::text(word),
         TableCell::text(accepted),
-        TableCell::share(row.probability),
+        TableCell::percent(row.probability),
         TableCell::number(row.rotation_deg),
         TableCell::number(row.translation),
-        TableCell::share(row.overlap),
+        TableCell::percent(row.overlap),
         TableCell::number(Some(row.seconds)),
         TableCell::text(&row.error),
     ];

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::display::{DisplayCloud, central};
+use super::display::{DisplayCloud, robust_bounds};
 use crate::cloud::{PointCloud, Transform};
 use crate::math::eigen;
 use crate::math::{self, Mat3, Vec3};
@@ -26,19 +26,19 @@ pub(super) struct Camera {
 }
 
 /// How far flat things are looked at from beside, so that they do not look like a map: tangent.
-const TILT: f64 = 0.8;
+const FLAT_TILT: f64 = 0.8;
 /// How far other things are, to the right and from above, so that they have depth.
-const ASIDE: [f64; 2] = [0.3, 0.2];
+const SIDE_OFFSET: [f64; 2] = [0.3, 0.2];
 /// Points of a cloud that are measured.
-const MEASURED: usize = 2000;
+const MAX_SAMPLED_POINTS: usize = 2000;
 /// Share of them that is to be seen; the rest may be strays.
-const SEEN: f64 = 0.99;
+const VISIBLE_SHARE: f64 = 0.99;
 
 impl Viewport {
     /// Of both clouds, with the source where `pose` puts it.
     pub(super) fn new(source: &DisplayCloud, target: &DisplayCloud, pose: &Transform) -> Viewport {
         let some = |shown: &DisplayCloud| -> Vec<Vec3> {
-            let step = shown.cloud.len().div_ceil(MEASURED).max(1);
+            let step = shown.cloud.len().div_ceil(MAX_SAMPLED_POINTS).max(1);
             shown.cloud.positions().step_by(step).collect()
         };
         let local = |place: Vec3| math::sub(place, target.middle);
@@ -53,8 +53,8 @@ impl Viewport {
                 let mut along: Vec<f64> = side.iter().map(|p| p[axis]).collect();
                 along.sort_by(f64::total_cmp);
                 let at = |share: f64| along[(share * (along.len() - 1) as f64).round() as usize];
-                low[axis] = low[axis].min(at(1.0 - SEEN));
-                high[axis] = high[axis].max(at(SEEN));
+                low[axis] = low[axis].min(at(1.0 - VISIBLE_SHARE));
+                high[axis] = high[axis].max(at(VISIBLE_SHARE));
             }
         }
         let center = math::scaled(math::add(low, high), 0.5);
@@ -63,7 +63,7 @@ impl Viewport {
                 side.iter().map(|&p| math::norm(math::sub(p, center))).collect();
             away.sort_by(f64::total_cmp);
             // Few points have no strays.
-            away[(SEEN * (away.len() - 1) as f64).round() as usize]
+            away[(VISIBLE_SHARE * (away.len() - 1) as f64).round() as usize]
         });
         let radius = radius.fold(0.0, f64::max);
         Viewport { center, radius: if radius > 0.0 { radius } else { 1.0 } }
@@ -73,11 +73,11 @@ impl Viewport {
 impl Camera {
     /// From the side from which the target looks largest; of the two the one where its sensor
     /// stood, if that is known.
-    pub(super) fn at(target: &PointCloud) -> Camera {
-        let (low, high) = central(target);
+    pub(super) fn facing(target: &PointCloud) -> Camera {
+        let (low, high) = robust_bounds(target);
         let middle = math::scaled(math::add(low, high), 0.5);
         let inside = |p: &Vec3| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&p[axis]));
-        let step = target.len().div_ceil(MEASURED).max(1);
+        let step = target.len().div_ceil(MAX_SAMPLED_POINTS).max(1);
         let mut spread = [[0.0; 3]; 3];
         for place in target.positions().step_by(step).filter(inside) {
             let off = math::sub(place, middle);
@@ -96,19 +96,20 @@ impl Camera {
         // z is up where the cloud lies flat across it, as maps and sweeps do; else y, as objects
         // stand in most files.
         if toward[2].abs() > 0.8 && x.min(y) > 3.0 * z {
-            let toward = math::normalized([0.0, -TILT, 1.0]);
-            return Camera::toward(toward, [0.0, 0.0, 1.0]);
+            let toward = math::normalized([0.0, -FLAT_TILT, 1.0]);
+            return Camera::from_direction(toward, [0.0, 0.0, 1.0]);
         }
         let upright = if toward[1].abs() > 0.9 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
-        let up = across(upright, toward);
+        let up = orthogonal_unit(upright, toward);
         let right = math::cross(up, toward);
-        let aside = math::add(math::scaled(right, ASIDE[0]), math::scaled(up, ASIDE[1]));
+        let aside =
+            math::add(math::scaled(right, SIDE_OFFSET[0]), math::scaled(up, SIDE_OFFSET[1]));
         let toward = math::normalized(math::add(toward, aside));
-        Camera::toward(toward, upright)
+        Camera::from_direction(toward, upright)
     }
 
-    fn toward(toward: Vec3, upright: Vec3) -> Camera {
-        Camera { toward, upright, up: across(upright, toward) }
+    fn from_direction(toward: Vec3, upright: Vec3) -> Camera {
+        Camera { toward, upright, up: orthogonal_unit(upright, toward) }
     }
 
     /// Rows: to the right, upwards, towards the eye.
@@ -118,7 +119,7 @@ impl Camera {
 }
 
 /// The part of `vector` across the unit vector `along`, of length 1.
-fn across(vector: Vec3, along: Vec3) -> Vec3 {
+fn orthogonal_unit(vector: Vec3, along: Vec3) -> Vec3 {
     math::normalized(math::sub(vector, math::scaled(along, math::dot(vector, along))))
 }
 
@@ -134,9 +135,9 @@ mod tests {
                 .collect();
             PointCloud::new(&points).unwrap()
         };
-        let flat = Camera::at(&grid(|x, y| [x, y, 0.0]));
+        let flat = Camera::facing(&grid(|x, y| [x, y, 0.0]));
         assert!(flat.toward[2] > 0.7 && flat.up[2] > 0.5, "{flat:?}");
-        let upright = Camera::at(&grid(|x, z| [x, 0.0, z]));
+        let upright = Camera::facing(&grid(|x, z| [x, 0.0, z]));
         assert!(upright.toward[1].abs() > 0.8 && upright.up[2] > 0.9, "{upright:?}");
         for look in [flat, upright] {
             assert!((math::determinant(&look.axes()) - 1.0).abs() < 1e-12);

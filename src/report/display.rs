@@ -27,7 +27,7 @@ pub(super) struct DisplayCloud {
     pub(super) positions: String,
     /// Unit normals of either sign, three i8 a point, 0 where there is none.
     pub(super) normals: String,
-    /// Distance to the other cloud under the pose, a u8 a point: 0 to [`TOP`] for 0 to the
+    /// Distance to the other cloud under the pose, a u8 a point: 0 to [`MAX_BYTE`] for 0 to the
     /// residuals' `most`, 255 beyond.
     pub(super) residuals: String,
     /// Weight that the nearest compared point received, a u8 a point, 255 where none is near;
@@ -42,34 +42,34 @@ pub(super) struct DisplayCloud {
     #[serde(skip)]
     pub(super) cloud: PointCloud,
     #[serde(skip)]
-    within: Vec<usize>,
+    shown_indices: Vec<usize>,
     /// Normals of either sign, or zero.
     #[serde(skip)]
-    pub(super) vectors: Vec<[f32; 3]>,
+    pub(super) normal_vectors: Vec<[f32; 3]>,
     /// Distances in the target's unit, infinite beyond.
     #[serde(skip)]
     pub(super) distances: Vec<f32>,
 }
 
 /// The largest of the small numbers that stand for values.
-const TOP: f64 = 250.0;
+const MAX_BYTE: f64 = 250.0;
 /// And what stands for none.
-const NONE: u8 = 255;
+const NO_VALUE: u8 = 255;
 /// Nearest points that make a normal.
 const NORMAL_NEIGHBORS: usize = 12;
 /// Share of the coordinates that is looked at for the middle of a cloud: strays do not move it.
-const CENTRAL: f64 = 0.02;
+const TRIMMED_SHARE: f64 = 0.02;
 /// How far from the central box points are shown, in its longest side: with strays farther out,
 /// 16 bits would not tell the others apart. Chosen by hand: of the box, 7000 steps are left.
-const FARTHEST: f64 = 4.0;
+const MAX_BOX_DISTANCE: f64 = 4.0;
 
 impl DisplayCloud {
     /// At most `most` points of `cloud`, drawn at random.
     pub(super) fn new(cloud: &PointCloud, most: usize) -> Result<DisplayCloud> {
         let thin = filter::sample(cloud, most, 0);
-        let (low, high) = central(&thin);
+        let (low, high) = robust_bounds(&thin);
         let middle = math::scaled(math::add(low, high), 0.5);
-        let within = within(&thin, low, high);
+        let within = points_near_box(&thin, low, high);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for &i in &within {
             let place = thin.position(i);
@@ -85,7 +85,7 @@ impl DisplayCloud {
                 positions.extend(number.to_le_bytes());
             }
         }
-        let (vectors, spacing) = looks(&thin)?;
+        let (vectors, spacing) = normals_and_spacing(&thin)?;
         let small = |x: &f32| (x * 127.0).round() as i8 as u8;
         let normals: Vec<u8> = within.iter().flat_map(|&i| &vectors[i]).map(small).collect();
         Ok(DisplayCloud {
@@ -101,15 +101,15 @@ impl DisplayCloud {
             spacing,
             middle,
             cloud: thin,
-            within,
-            vectors,
+            shown_indices: within,
+            normal_vectors: vectors,
             distances: Vec::new(),
         })
     }
 
     /// Measures how far each point is from `others`, all of the other cloud, once `pose` has
     /// brought it there; distances are told in units of `unit` of that frame, up to `most`.
-    pub(super) fn measure(
+    pub(super) fn set_residuals(
         &mut self,
         others: &PointCloud,
         pose: &Transform,
@@ -124,15 +124,15 @@ impl DisplayCloud {
         self.distances = par::map(moved.len(), || (), |_, i| seen(away(i)));
         let small = |&i: &usize| {
             let distance = self.distances[i];
-            if distance.is_finite() { byte(f64::from(distance) / most) } else { NONE }
+            if distance.is_finite() { share_to_byte(f64::from(distance) / most) } else { NO_VALUE }
         };
-        self.residuals = STANDARD.encode(self.within.iter().map(small).collect::<Vec<u8>>());
+        self.residuals = STANDARD.encode(self.shown_indices.iter().map(small).collect::<Vec<u8>>());
         Ok(())
     }
 
     /// Gives each point the weight of the nearest of `points`, which received `received`, if that
     /// is within `reach`; told as a share of `most`, by its square root, so that small ones show.
-    pub(super) fn weigh(
+    pub(super) fn set_weights(
         &mut self,
         points: &[Vec3],
         received: &[f64],
@@ -145,13 +145,13 @@ impl DisplayCloud {
         let tree = SearchTree::new(&local)?;
         let own = self.cloud.points();
         let bytes = par::map(
-            self.within.len(),
+            self.shown_indices.len(),
             || (),
             |_, i| {
-                let nearest = tree.nearest(&own[self.within[i]]);
+                let nearest = tree.nearest(&own[self.shown_indices[i]]);
                 let near = f64::from(nearest.squared_distance).sqrt() <= reach;
                 let share = received[nearest.index as usize] / most;
-                if near && share >= 0.0 { byte(share.min(1.0).sqrt()) } else { NONE }
+                if near && share >= 0.0 { share_to_byte(share.min(1.0).sqrt()) } else { NO_VALUE }
             },
         );
         self.weights = STANDARD.encode(bytes);
@@ -159,12 +159,12 @@ impl DisplayCloud {
     }
 }
 
-fn byte(share: f64) -> u8 {
-    (share * TOP).round() as u8
+fn share_to_byte(share: f64) -> u8 {
+    (share * MAX_BYTE).round() as u8
 }
 
 /// Normals, and the median distance to the next point.
-fn looks(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
+fn normals_and_spacing(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
     let spacing = crate::search::resolution(cloud.points())?;
     if cloud.len() < 3 {
         return Ok((vec![[0.0; 3]; cloud.len()], spacing));
@@ -175,9 +175,9 @@ fn looks(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
 }
 
 /// The points that are not far from the central box.
-fn within(cloud: &PointCloud, low: Vec3, high: Vec3) -> Vec<usize> {
+fn points_near_box(cloud: &PointCloud, low: Vec3, high: Vec3) -> Vec<usize> {
     let longest = math::sub(high, low).into_iter().fold(0.0, f64::max);
-    let margin = FARTHEST * longest;
+    let margin = MAX_BOX_DISTANCE * longest;
     let near = |place: Vec3| {
         (0..3).all(|axis| (low[axis] - margin..=high[axis] + margin).contains(&place[axis]))
     };
@@ -186,7 +186,7 @@ fn within(cloud: &PointCloud, low: Vec3, high: Vec3) -> Vec<usize> {
 }
 
 /// The box about the points that strays do not blow up.
-pub(super) fn central(cloud: &PointCloud) -> (Vec3, Vec3) {
+pub(super) fn robust_bounds(cloud: &PointCloud) -> (Vec3, Vec3) {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let mut along: Vec<f64> = cloud.positions().map(|p| p[axis]).collect();
@@ -195,7 +195,7 @@ pub(super) fn central(cloud: &PointCloud) -> (Vec3, Vec3) {
         }
         along.sort_by(f64::total_cmp);
         let at = |share: f64| along[(share * (along.len() - 1) as f64).round() as usize];
-        (low[axis], high[axis]) = (at(CENTRAL), at(1.0 - CENTRAL));
+        (low[axis], high[axis]) = (at(TRIMMED_SHARE), at(1.0 - TRIMMED_SHARE));
     }
     (low, high)
 }
@@ -230,15 +230,15 @@ mod tests {
             PointCloud::new(&points).unwrap()
         };
         let mut shown = DisplayCloud::new(&line(0.5), 100).unwrap();
-        shown.measure(&line(0.0), &Transform::IDENTITY, 1.0, 1.0).unwrap();
+        shown.set_residuals(&line(0.0), &Transform::IDENTITY, 1.0, 1.0).unwrap();
         assert_eq!(STANDARD.decode(&shown.residuals).unwrap(), vec![125; 50]);
-        shown.measure(&line(0.0), &Transform::IDENTITY, 1.0, 0.4).unwrap();
-        assert_eq!(STANDARD.decode(&shown.residuals).unwrap(), vec![NONE; 50]);
+        shown.set_residuals(&line(0.0), &Transform::IDENTITY, 1.0, 0.4).unwrap();
+        assert_eq!(STANDARD.decode(&shown.residuals).unwrap(), vec![NO_VALUE; 50]);
         assert!(shown.distances.iter().all(|distance| distance.is_infinite()));
         let two = [[0.0, 0.5, 0.0], [1.0, 0.5, 0.0]];
-        shown.weigh(&two, &[4.0, 1.0], 0.1, 4.0).unwrap();
+        shown.set_weights(&two, &[4.0, 1.0], 0.1, 4.0).unwrap();
         let bytes = STANDARD.decode(&shown.weights).unwrap();
-        assert_eq!(bytes[..3], [250, 125, NONE]);
+        assert_eq!(bytes[..3], [250, 125, NO_VALUE]);
     }
 
     #[test]
@@ -258,8 +258,8 @@ mod tests {
         points[1234] = [-1e5, 0.0, 3.0];
         let cloud = PointCloud::new(&points).unwrap();
         let mut shown = DisplayCloud::new(&cloud, 5000).unwrap();
-        shown.measure(&boulder, &Transform::IDENTITY, 1.0, 1.0).unwrap();
-        shown.weigh(&points, &vec![1.0; points.len()], 1.0, 1.0).unwrap();
+        shown.set_residuals(&boulder, &Transform::IDENTITY, 1.0, 1.0).unwrap();
+        shown.set_weights(&points, &vec![1.0; points.len()], 1.0, 1.0).unwrap();
         assert_eq!((shown.shown, shown.strays, shown.of), (2998, 2, 3000));
         assert!(shown.size.iter().all(|&side| side < 4.0), "{:?}", shown.size);
         // All lists tell of the same points; the distances tell of the strays, too.

@@ -18,7 +18,7 @@ mod text;
 mod weight_view;
 
 pub use batch::BatchReport;
-pub use benchmark::benchmark;
-pub use page::is_ours;
-pub use pair::Pair;
+pub use benchmark::write_benchmark;
+pub use page::is_report_page;
+pub use pair::PairReport;
 pub use saved_result::SavedResult;

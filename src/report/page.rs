@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-const PAIR: &str = include_str!("page/pair.html");
+const PAIR_TEMPLATE: &str = include_str!("page/pair.html");
 const STYLE: &str = include_str!("page/style.css");
 /// In the order in which they need each other.
 const SCRIPTS: [&str; 12] = [
@@ -28,15 +28,15 @@ const SCRIPTS: [&str; 12] = [
     include_str!("page/heat.js"),
     include_str!("page/main.js"),
 ];
-const LIST: &str = include_str!("page/list.html");
-const LIST_STYLE: &str = include_str!("page/list.css");
-const LIST_SCRIPT: &str = include_str!("page/list.js");
+const TABLE_TEMPLATE: &str = include_str!("page/list.html");
+const TABLE_STYLE: &str = include_str!("page/list.css");
+const TABLE_SCRIPT: &str = include_str!("page/list.js");
 
 /// The page of a pair.
-pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<String> {
+pub(super) fn render_pair(text: &impl Serialize, view: &impl Serialize) -> Result<String> {
     render(
         "pair.html",
-        PAIR,
+        PAIR_TEMPLATE,
         context! {
             page => Value::from(Serde(text)),
             view => Value::from(Serde(view)),
@@ -47,26 +47,26 @@ pub(super) fn pair(text: &impl Serialize, view: &impl Serialize) -> Result<Strin
 }
 
 /// The page of a list.
-pub(super) fn listing(page: &impl Serialize) -> Result<String> {
+pub(super) fn render_table(page: &impl Serialize) -> Result<String> {
     render(
         "list.html",
-        LIST,
+        TABLE_TEMPLATE,
         context! {
             page => Value::from(Serde(page)),
-            style => Value::from_safe_string([STYLE, LIST_STYLE].join("\n")),
-            scripts => Value::from_safe_string(LIST_SCRIPT.into()),
+            style => Value::from_safe_string([STYLE, TABLE_STYLE].join("\n")),
+            scripts => Value::from_safe_string(TABLE_SCRIPT.into()),
         },
     )
 }
 
 /// Whether a file is a page of this program: both templates begin by saying so.
-pub fn is_ours(path: &Path) -> bool {
+pub fn is_report_page(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(1024).read_to_end(&mut start));
-    read.is_ok() && String::from_utf8_lossy(&start).contains(MARK)
+    read.is_ok() && String::from_utf8_lossy(&start).contains(GENERATOR_TAG)
 }
 
-const MARK: &str = "<meta name=\"generator\" content=\"cfreg\">";
+const GENERATOR_TAG: &str = "<meta name=\"generator\" content=\"cfreg\">";
 
 fn render(name: &'static str, template: &'static str, values: Value) -> Result<String> {
     let mut pages = Environment::new();

@@ -10,9 +10,9 @@ use super::display::DisplayCloud;
 use super::facts::Facts;
 use super::page;
 use super::preview::{PoseView, draw_preview};
-use super::tables::{self, Histogram, Input, Posed, Stage, Uncertainty};
+use super::tables::{self, Histogram, Input, PoseText, Stage, Uncertainty};
 use super::text::{self, Headline};
-use super::weight_view::Weights;
+use super::weight_view::WeightView;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::figure::Figure;
@@ -34,7 +34,7 @@ use crate::verify;
 /// assert!(html.starts_with("<!doctype html>"));
 /// # Ok::<(), cfreg::Error>(())
 /// ```
-pub struct Pair<'a> {
+pub struct PairReport<'a> {
     facts: Facts,
     source: &'a PointCloud,
     target: &'a PointCloud,
@@ -49,33 +49,33 @@ pub struct Pair<'a> {
 }
 
 /// Default of [`Pair::points`]: 200,000 together turn smoothly on a laptop.
-const POINTS: usize = 100_000;
+const DEFAULT_MAX_POINTS: usize = 100_000;
 /// Largest residual that is told apart, in largest distances that count.
-const RESIDUALS: f64 = 5.0;
+const MAX_RESIDUAL_FACTOR: f64 = 5.0;
 /// Points of either cloud in a picture that stands in for the view, and in a figure for papers.
-const STILL: usize = 40_000;
-const DRAWN: usize = 12_000;
+const PREVIEW_POINTS: usize = 40_000;
+const FIGURE_POINTS: usize = 12_000;
 /// How near the source is brought, in radii of both after, where it lies elsewhere.
-const BESIDE: f64 = 2.5;
+const MAX_START_DISTANCE: f64 = 2.5;
 
 /// What the page's scripts are given.
 #[derive(Serialize)]
-struct View<'a> {
+struct ViewerData<'a> {
     source: &'a DisplayCloud,
     target: &'a DisplayCloud,
     look: Camera,
     /// Of arrows.
     radius: f64,
-    stands: Vec<Place>,
+    stands: Vec<ViewerPose>,
     /// Largest residual that is told apart, and the one that counts.
     residual: [f64; 2],
     arrows: &'a [Arrow],
-    weights: Option<&'a Weights>,
+    weights: Option<&'a WeightView>,
 }
 
 /// Where the source stands: from places about its middle to places about the target's.
 #[derive(Serialize)]
-struct Place {
+struct ViewerPose {
     name: &'static str,
     matrix: [[f64; 4]; 4],
     #[serde(flatten)]
@@ -84,19 +84,19 @@ struct Place {
 
 /// What the page's text is made from.
 #[derive(Serialize)]
-struct Text<'a> {
+struct PageText<'a> {
     names: &'a [String; 2],
     /// The same without folders where that tells them apart.
     titles: [String; 2],
     method: String,
     headline: Headline,
     stands: Vec<&'static str>,
-    poses: Vec<Posed>,
+    poses: Vec<PoseText>,
     uncertainty: Option<Uncertainty>,
     arrows: &'a [Arrow],
     fit: Vec<(&'static str, String)>,
     histogram: Histogram,
-    weights: Option<&'a Weights>,
+    weights: Option<&'a WeightView>,
     weights_absent: Option<String>,
     inputs: [Input; 2],
     units_differ: Option<String>,
@@ -110,29 +110,33 @@ struct Text<'a> {
     version: &'static str,
 }
 
-impl<'a> Pair<'a> {
+impl<'a> PairReport<'a> {
     /// `result` is the object that `cfreg register --json` prints, or a
     /// [`Registration`](crate::method::Registration) as JSON; the clouds are those that the
     /// method was given.
     ///
     /// # Errors
     /// [`Error::Parse`](crate::Error::Parse) for a `result` that is not such an object.
-    pub fn new(result: &str, source: &'a PointCloud, target: &'a PointCloud) -> Result<Pair<'a>> {
+    pub fn new(
+        result: &str,
+        source: &'a PointCloud,
+        target: &'a PointCloud,
+    ) -> Result<PairReport<'a>> {
         let facts = Facts::read(result, std::path::Path::new("the result"))?;
-        Ok(Pair::new_from_facts(facts, source, target))
+        Ok(PairReport::from_facts(facts, source, target))
     }
 
-    pub(super) fn new_from_facts(
+    pub(super) fn from_facts(
         facts: Facts,
         source: &'a PointCloud,
         target: &'a PointCloud,
-    ) -> Pair<'a> {
+    ) -> PairReport<'a> {
         let name = |name: &Option<String>, other: &str| name.clone().unwrap_or(other.into());
-        Pair {
+        PairReport {
             names: [name(&facts.source, "source"), name(&facts.target, "target")],
             command: facts.command.clone(),
             truth: None,
-            points: POINTS,
+            points: DEFAULT_MAX_POINTS,
             facts,
             source,
             target,
@@ -148,24 +152,26 @@ impl<'a> Pair<'a> {
     pub fn html(&self) -> Result<String> {
         let facts = &self.facts;
         let pose = facts.transform;
-        let [mut source, mut target] = self.shown()?;
-        let near = self.near()?;
-        let most = RESIDUALS * near;
-        source.measure(self.target, &pose, 1.0, most)?;
-        target.measure(self.source, &pose.inverse(), pose.scale, most)?;
-        let (weights, weights_absent) = self.weigh(&mut source, &mut target, near);
-        let look = Camera::at(&target.cloud);
-        let stands = self.stands(&source, &target);
-        let still = draw_preview([&source, &target], &look, &stands[..2], STILL, (480, 420), true);
+        let [mut source, mut target] = self.display_clouds()?;
+        let near = self.inlier_distance()?;
+        let most = MAX_RESIDUAL_FACTOR * near;
+        source.set_residuals(self.target, &pose, 1.0, most)?;
+        target.set_residuals(self.source, &pose.inverse(), pose.scale, most)?;
+        let (weights, weights_absent) = self.add_weights(&mut source, &mut target, near);
+        let look = Camera::facing(&target.cloud);
+        let stands = self.pose_views(&source, &target);
+        let still =
+            draw_preview([&source, &target], &look, &stands[..2], PREVIEW_POINTS, (480, 420), true);
         let spread = facts.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
-        let arrows = spread.map_or_else(Vec::new, |spread| Arrow::all(spread, target.middle));
+        let arrows = spread
+            .map_or_else(Vec::new, |spread| Arrow::unconstrained_motions(spread, target.middle));
         let middles = [source.middle, target.middle];
-        let places = stands.iter().map(|stand| Place {
+        let places = stands.iter().map(|stand| ViewerPose {
             name: stand.title,
-            matrix: about(&stand.pose, middles).matrix(),
+            matrix: relative_to_centers(&stand.pose, middles).matrix(),
             frame: stand.frame,
         });
-        let view = View {
+        let view = ViewerData {
             source: &source,
             target: &target,
             look,
@@ -177,8 +183,8 @@ impl<'a> Pair<'a> {
         };
         let inputs = tables::inputs(facts, [self.source, self.target], &self.names)?;
         let diagonals = [self.source.diagonal(), self.target.diagonal()];
-        let text = Text {
-            titles: text::distinct(&self.names),
+        let text = PageText {
+            titles: text::distinct_names(&self.names),
             names: &self.names,
             method: facts.chain(),
             headline: Headline::new(facts),
@@ -186,22 +192,22 @@ impl<'a> Pair<'a> {
             poses: self.poses(),
             uncertainty: spread.map(Uncertainty::new),
             arrows: &arrows,
-            fit: tables::fit(facts),
+            fit: tables::fit_rows(facts),
             histogram: Histogram::new(&source.distances, most, near),
             weights: weights.as_ref(),
             weights_absent,
             inputs,
-            units_differ: tables::units_differ(diagonals, pose.scale),
-            stages: Stage::all(&facts.time_s),
-            seconds: text::short(facts.time_s.0.iter().map(|stage| stage.1).sum()),
+            units_differ: tables::unit_warning(diagonals, pose.scale),
+            stages: Stage::from_stages(&facts.time_s),
+            seconds: text::format_number(facts.time_s.0.iter().map(|stage| stage.1).sum()),
             config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
             command: self.command.as_deref(),
             thinned: [&source, &target].iter().any(|cloud| cloud.shown + cloud.strays < cloud.of),
-            far: self.far(&source, &target),
+            far: self.offset_text(&source, &target),
             picture: STANDARD.encode(still.png()?),
             version: env!("CARGO_PKG_VERSION"),
         };
-        page::pair(&text, &view)
+        page::render_pair(&text, &view)
     }
 
     /// The clouds before and after, side by side, for papers.
@@ -209,9 +215,9 @@ impl<'a> Pair<'a> {
     /// # Errors
     /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud.
     pub fn figure(&self) -> Result<Figure> {
-        let [source, target] = self.shown()?;
-        let (look, stands) = (Camera::at(&target.cloud), self.stands(&source, &target));
-        Ok(draw_preview([&source, &target], &look, &stands[..2], DRAWN, (520, 480), true))
+        let [source, target] = self.display_clouds()?;
+        let (look, stands) = (Camera::facing(&target.cloud), self.pose_views(&source, &target));
+        Ok(draw_preview([&source, &target], &look, &stands[..2], FIGURE_POINTS, (520, 480), true))
     }
 
     /// The aligned pair alone, small.
@@ -219,15 +225,15 @@ impl<'a> Pair<'a> {
     /// # Errors
     /// Those of [`figure`](Self::figure).
     pub fn thumbnail(&self, size: (u32, u32)) -> Result<Figure> {
-        let [source, target] = self.shown()?;
-        let (look, pose) = (Camera::at(&target.cloud), self.facts.transform);
+        let [source, target] = self.display_clouds()?;
+        let (look, pose) = (Camera::facing(&target.cloud), self.facts.transform);
         let frame = Viewport::new(&source, &target, &pose);
         let after = [PoseView { title: "", pose, frame }];
         let most = (size.0 * size.1 / 4) as usize;
         Ok(draw_preview([&source, &target], &look, &after, most, size, false))
     }
 
-    fn shown(&self) -> Result<[DisplayCloud; 2]> {
+    fn display_clouds(&self) -> Result<[DisplayCloud; 2]> {
         for (cloud, what) in [(self.source, "the source"), (self.target, "the target")] {
             if cloud.is_empty() {
                 let (what, found, needed) = (what.into(), 0, 1);
@@ -240,7 +246,7 @@ impl<'a> Pair<'a> {
     }
 
     /// The largest distance that counts.
-    fn near(&self) -> Result<f64> {
+    fn inlier_distance(&self) -> Result<f64> {
         let told = self.facts.evaluation.map(|fit| fit.max_distance);
         match told.filter(|&distance| distance > 0.0 && distance.is_finite()) {
             Some(distance) => Ok(distance),
@@ -253,12 +259,12 @@ impl<'a> Pair<'a> {
     }
 
     /// What the method connected, told to the points that are shown; else why there is nothing.
-    fn weigh(
+    fn add_weights(
         &self,
         source: &mut DisplayCloud,
         target: &mut DisplayCloud,
         near: f64,
-    ) -> (Option<Weights>, Option<String>) {
+    ) -> (Option<WeightView>, Option<String>) {
         let pose = &self.facts.transform;
         let told = |text: &str| (None, Some(text.to_string()));
         let Some(method) = self.facts.method() else {
@@ -288,22 +294,22 @@ impl<'a> Pair<'a> {
             };
             let points = &connections.points[k];
             let scale = if k == 0 { pose.scale } else { 1.0 };
-            let spacing = spacing_of(points).max(near / scale);
-            if let Err(error) = shown.weigh(points, received, 2.0 * spacing, most) {
+            let spacing = median_spacing(points).max(near / scale);
+            if let Err(error) = shown.set_weights(points, received, 2.0 * spacing, most) {
                 return told(&format!("They could not be shown: {error}."));
             }
         }
         let middles = [source.middle, target.middle];
-        (Some(Weights::of(&connections, pose, middles, near)), None)
+        (Some(WeightView::new(&connections, pose, middles, near)), None)
     }
 
     /// Where the source is shown to stand: as its file has it, under the pose, under the others.
-    fn stands(&self, source: &DisplayCloud, target: &DisplayCloud) -> Vec<PoseView<'static>> {
+    fn pose_views(&self, source: &DisplayCloud, target: &DisplayCloud) -> Vec<PoseView<'static>> {
         let stand =
             |title, pose| PoseView { title, pose, frame: Viewport::new(source, target, &pose) };
         let after = stand("after", self.facts.transform);
         let mut before = Transform::IDENTITY;
-        if let Some((off, beside)) = self.apart(source, target, after.frame) {
+        if let Some((off, beside)) = self.initial_offset(source, target, after.frame) {
             let nearer = math::scaled(math::normalized(off), beside);
             before.translation = math::sub(nearer, off);
         }
@@ -316,42 +322,43 @@ impl<'a> Pair<'a> {
 
     /// From the target to the source, where they lie too far apart in their files to be seen
     /// together, and how near they are brought.
-    fn apart(
+    fn initial_offset(
         &self,
         source: &DisplayCloud,
         target: &DisplayCloud,
         after: Viewport,
     ) -> Option<(Vec3, f64)> {
         let off = math::sub(source.middle, target.middle);
-        let beside = BESIDE * after.radius;
+        let beside = MAX_START_DISTANCE * after.radius;
         (math::norm(off) > beside).then_some((off, beside))
     }
 
     /// How far that is.
-    fn far(&self, source: &DisplayCloud, target: &DisplayCloud) -> Option<String> {
+    fn offset_text(&self, source: &DisplayCloud, target: &DisplayCloud) -> Option<String> {
         let after = Viewport::new(source, target, &self.facts.transform);
-        self.apart(source, target, after).map(|(off, _)| text::short(math::norm(off)))
+        self.initial_offset(source, target, after)
+            .map(|(off, _)| text::format_number(math::norm(off)))
     }
 
-    fn poses(&self) -> Vec<Posed> {
+    fn poses(&self) -> Vec<PoseText> {
         let facts = &self.facts;
-        let mut poses = vec![Posed::new("The pose", &facts.transform, None)];
+        let mut poses = vec![PoseText::new("The pose", &facts.transform, None)];
         if let Some(other) = facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref()) {
-            let probability = Some(text::percent(other.probability));
-            poses.push(Posed::new("The best other pose", &other.transform, probability));
+            let probability = Some(text::format_percent(other.probability));
+            poses.push(PoseText::new("The best other pose", &other.transform, probability));
         }
-        poses.extend(self.truth.map(|truth| Posed::new("The true pose", &truth, None)));
+        poses.extend(self.truth.map(|truth| PoseText::new("The true pose", &truth, None)));
         poses
     }
 }
 
 /// A motion between the clouds' own frames as one between places about their middles.
-fn about(pose: &Transform, [source, target]: [Vec3; 2]) -> Transform {
+fn relative_to_centers(pose: &Transform, [source, target]: [Vec3; 2]) -> Transform {
     Transform { translation: math::sub(pose.apply(source), target), ..*pose }
 }
 
 /// Median distance of points from the next one, 0 where that cannot be told.
-fn spacing_of(points: &[Vec3]) -> f64 {
+fn median_spacing(points: &[Vec3]) -> f64 {
     let Some(&first) = points.first() else { return 0.0 };
     let local: Vec<[f32; 3]> =
         points.iter().map(|&p| math::sub(p, first).map(|x| x as f32)).collect();

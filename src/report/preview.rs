@@ -10,9 +10,9 @@ use crate::math::{self, Vec3};
 /// Colours of source and target: orange and blue of Okabe and Ito (2008), told apart by most eyes.
 pub(super) const COLOURS: [[u8; 3]; 2] = [[230, 159, 0], [0, 114, 178]];
 /// Part of the frame's radius that is shown: clouds seldom fill a ball.
-const FILLED: f64 = 0.95;
+const VISIBLE_RADIUS_SHARE: f64 = 0.95;
 /// Light of what is seen edge-on.
-const DARKEST: f64 = 0.45;
+const MIN_BRIGHTNESS: f64 = 0.45;
 
 /// A place of the source in the target's frame, and what it is called.
 pub(super) struct PoseView<'a> {
@@ -30,7 +30,7 @@ pub(super) fn draw_preview(
     size: (u32, u32),
     named: bool,
 ) -> Figure {
-    let ends = [Lit::new(source, most), Lit::new(target, most)];
+    let ends = [ShadedPoints::new(source, most), ShadedPoints::new(target, most)];
     let axes = look.axes();
     let turn = |direction: Vec3| math::mat_vec(&axes, direction);
     // One scale for all panels.
@@ -43,8 +43,11 @@ pub(super) fn draw_preview(
             for (&place, &normal) in lit.places.iter().zip(&lit.normals) {
                 let at = turn(math::sub(pose.apply(place), target.middle));
                 let facing = turn(pose.rotate(normal))[2].abs();
-                let light =
-                    if normal == [0.0; 3] { 1.0 } else { DARKEST + (1.0 - DARKEST) * facing };
+                let light = if normal == [0.0; 3] {
+                    1.0
+                } else {
+                    MIN_BRIGHTNESS + (1.0 - MIN_BRIGHTNESS) * facing
+                };
                 let colour = COLOURS[k].map(|part| (f64::from(part) * light).round() as u8);
                 seen.push((at[2], Dot { at: [at[0], at[1]], colour }));
             }
@@ -58,7 +61,7 @@ pub(super) fn draw_preview(
                 names: if named { names.map(|(n, c)| (n.into(), c)).collect() } else { Vec::new() },
                 dots: seen.into_iter().map(|(_, dot)| dot).collect(),
                 middle: [x, y],
-                reach: FILLED * reach,
+                reach: VISIBLE_RADIUS_SHARE * reach,
                 radius: 0.6 * ends[0].spacing.max(ends[1].spacing),
             }),
         });
@@ -67,18 +70,18 @@ pub(super) fn draw_preview(
 }
 
 /// Some points of a cloud, in its own frame, with their normals.
-struct Lit {
+struct ShadedPoints {
     places: Vec<Vec3>,
     normals: Vec<Vec3>,
     spacing: f64,
 }
 
-impl Lit {
+impl ShadedPoints {
     /// At most `most` of those that are shown.
-    fn new(shown: &DisplayCloud, most: usize) -> Lit {
+    fn new(shown: &DisplayCloud, most: usize) -> ShadedPoints {
         let step = shown.cloud.len().div_ceil(most).max(1);
-        let vectors = shown.vectors.iter().step_by(step);
-        Lit {
+        let vectors = shown.normal_vectors.iter().step_by(step);
+        ShadedPoints {
             places: shown.cloud.positions().step_by(step).collect(),
             normals: vectors.map(|n| n.map(f64::from)).collect(),
             spacing: shown.spacing * (step as f64).sqrt(),

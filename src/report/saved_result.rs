@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Pair;
+use super::PairReport;
 use super::facts::Facts;
 use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ impl SavedResult {
     pub fn files(&self) -> Result<[&Path; 2]> {
         match (&self.facts.source, &self.facts.target) {
             (Some(source), Some(target)) => Ok([Path::new(source), Path::new(target)]),
-            _ => Err(self.wrong("does not name its clouds (source and target)".into())),
+            _ => Err(self.parse_error("does not name its clouds (source and target)".into())),
         }
     }
 
@@ -60,7 +60,11 @@ impl SavedResult {
     ///
     /// # Errors
     /// [`Error::Parse`] where they have other numbers of points than then.
-    pub fn pair<'a>(&self, source: &'a PointCloud, target: &'a PointCloud) -> Result<Pair<'a>> {
+    pub fn pair<'a>(
+        &self,
+        source: &'a PointCloud,
+        target: &'a PointCloud,
+    ) -> Result<PairReport<'a>> {
         let ends = self.facts.first().points.as_ref();
         let counted = ends.map(|ends| [(&ends.source, source), (&ends.target, target)]);
         // Of consensus `used` leaves out what lies at a sensor's limit.
@@ -74,13 +78,13 @@ impl SavedResult {
                     cloud.len(),
                     cloud.dropped()
                 );
-                return Err(self.wrong(what));
+                return Err(self.parse_error(what));
             }
         }
-        Ok(Pair::new_from_facts(self.facts.clone(), source, target))
+        Ok(PairReport::from_facts(self.facts.clone(), source, target))
     }
 
-    fn wrong(&self, what: String) -> Error {
+    fn parse_error(&self, what: String) -> Error {
         Error::parse(&self.path, None, what)
     }
 }

@@ -6,7 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::{Pair, page, text};
+use super::{PairReport, page, text};
 use crate::error::{Error, Result};
 use crate::figure::Figure;
 use crate::io;
@@ -51,11 +51,11 @@ pub struct TableCell {
 }
 
 /// Width and height of a row's picture.
-const PICTURE: (u32, u32) = (150, 110);
+const PREVIEW_SIZE: (u32, u32) = (150, 110);
 /// Most points of a cloud on a page that is one of many.
-const POINTS: usize = 20_000;
+const MAX_POINTS: usize = 20_000;
 /// Where the pages of pairs are, beside that of the list.
-const FOLDER: &str = "pairs";
+const PAIR_FOLDER: &str = "pairs";
 
 impl TableCell {
     /// Words.
@@ -66,25 +66,30 @@ impl TableCell {
     /// A number; empty where there is none.
     pub fn number(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
-        TableCell { text: value.map_or_else(String::new, text::short), number: value }
+        TableCell { text: value.map_or_else(String::new, text::format_number), number: value }
     }
 
     /// A share as percent; empty where there is none.
-    pub fn share(value: Option<f64>) -> TableCell {
+    pub fn percent(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
-        TableCell { text: value.map_or_else(String::new, text::percent), number: value }
+        TableCell { text: value.map_or_else(String::new, text::format_percent), number: value }
     }
 }
 
 impl TableRow {
     /// Writes the page of a pair into `folder`, and links it.
-    pub(super) fn open(&mut self, mut pair: Pair<'_>, folder: &Path, number: usize) -> Result<()> {
-        pair.points = POINTS;
-        let link = format!("{FOLDER}/{number:05}.html");
+    pub(super) fn add_pair_page(
+        &mut self,
+        mut pair: PairReport<'_>,
+        folder: &Path,
+        number: usize,
+    ) -> Result<()> {
+        pair.points = MAX_POINTS;
+        let link = format!("{PAIR_FOLDER}/{number:05}.html");
         let path = folder.join(&link);
-        check(&path)?;
+        check_overwrite(&path)?;
         io::write_bytes(&path, pair.html()?.as_bytes())?;
-        self.picture = Some(STANDARD.encode(pair.thumbnail(PICTURE)?.png()?));
+        self.picture = Some(STANDARD.encode(pair.thumbnail(PREVIEW_SIZE)?.png()?));
         self.link = Some(link);
         Ok(())
     }
@@ -95,7 +100,7 @@ impl TablePage {
     ///
     /// # Errors
     /// Those of [`Figure::svg`].
-    pub fn draw(&mut self, figure: &Figure, shows: &str) -> Result<()> {
+    pub fn add_figure(&mut self, figure: &Figure, shows: &str) -> Result<()> {
         self.curves.push((figure.svg()?, shows.into()));
         Ok(())
     }
@@ -107,7 +112,7 @@ impl TablePage {
     pub fn html(mut self) -> Result<String> {
         self.pictures = self.rows.iter().any(|row| row.picture.is_some());
         self.version = env!("CARGO_PKG_VERSION");
-        page::listing(&self)
+        page::render_table(&self)
     }
 
     /// Writes the page into `folder`, as `index.html`.
@@ -120,15 +125,15 @@ impl TablePage {
 }
 
 /// Makes the folder of a list's pages, unless the table would take the place of another page.
-pub(super) fn make(folder: &Path) -> Result<()> {
-    check(&folder.join("index.html"))?;
-    let pairs = folder.join(FOLDER);
+pub(super) fn create_folders(folder: &Path) -> Result<()> {
+    check_overwrite(&folder.join("index.html"))?;
+    let pairs = folder.join(PAIR_FOLDER);
     std::fs::create_dir_all(&pairs).map_err(|error| Error::io(&pairs, error))
 }
 
 /// Refuses to write over what is no page of this program.
-fn check(path: &Path) -> Result<()> {
-    if !path.exists() || page::is_ours(path) {
+fn check_overwrite(path: &Path) -> Result<()> {
+    if !path.exists() || page::is_report_page(path) {
         return Ok(());
     }
     let rule = "is there and was not written by this program: name another folder";

@@ -11,7 +11,7 @@ use crate::search;
 
 /// A pose in the ways in which it is written.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Posed {
+pub(super) struct PoseText {
     pub(super) title: &'static str,
     pub(super) probability: Option<String>,
     /// Rows, each number as short as it is read back from.
@@ -27,8 +27,12 @@ pub(super) struct Posed {
     pub(super) scale: Option<String>,
 }
 
-impl Posed {
-    pub(super) fn new(title: &'static str, pose: &Transform, probability: Option<String>) -> Posed {
+impl PoseText {
+    pub(super) fn new(
+        title: &'static str,
+        pose: &Transform,
+        probability: Option<String>,
+    ) -> PoseText {
         // Adding zero turns -0 into 0.
         let rows = pose.matrix().map(|row| row.map(|x| format!("{:?}", x + 0.0)));
         let vector = pose.rotation_vector();
@@ -44,17 +48,17 @@ impl Posed {
             let words = numbers.iter().map(|x| format!("{:.digits$}", x + 0.0));
             words.collect::<Vec<_>>().join(", ")
         };
-        Posed {
+        PoseText {
             title,
             probability,
-            matrix: pose.matrix().map(|row| row.map(text::short).into()).into(),
+            matrix: pose.matrix().map(|row| row.map(text::format_number).into()).into(),
             matrix_text: rows.map(|row| row.join(" ")).join("\n"),
             axis_angle: format!("{:.3}° about ({})", angle.to_degrees(), rounded(&axis, 4)),
             axis_angle_text: all(&vector),
             quaternion: rounded(&quaternion, 5),
             quaternion_text: all(&quaternion),
-            shift: pose.translation.map(text::short).join(", "),
-            scale: (pose.scale != 1.0).then(|| text::short(pose.scale)),
+            shift: pose.translation.map(text::format_number).join(", "),
+            scale: (pose.scale != 1.0).then(|| text::format_number(pose.scale)),
         }
     }
 }
@@ -75,33 +79,36 @@ impl Uncertainty {
             (trace / 3.0).max(0.0).sqrt()
         };
         Uncertainty {
-            rotation: text::short(root(0).to_degrees()),
-            shift: text::short(root(3)),
+            rotation: text::format_number(root(0).to_degrees()),
+            shift: text::format_number(root(3)),
             loose: spread.undetermined.len(),
         }
     }
 }
 
 /// How the clouds lie on each other, in words.
-pub(super) fn fit(facts: &Facts) -> Vec<(&'static str, String)> {
+pub(super) fn fit_rows(facts: &Facts) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
     if let Some(verdict) = &facts.verdict {
-        let overlap = text::percent(verdict.overlap);
+        let overlap = text::format_percent(verdict.overlap);
         rows.push(("Overlap", format!("{overlap} of a surface lies on the other and faces alike")));
     }
     if let Some(fit) = &facts.evaluation {
-        let distance = text::short(fit.max_distance);
-        let shares = [fit.fitness, fit.target_fitness].map(text::percent);
+        let distance = text::format_number(fit.max_distance);
+        let shares = [fit.fitness, fit.target_fitness].map(text::format_percent);
         rows.push(("Source on target", format!("{} of the points within {distance}", shares[0])));
         rows.push(("Target on source", format!("{} of the points", shares[1])));
         if let Some(rmse) = fit.inlier_rmse {
-            rows.push(("Distance of those", format!("{} (root mean square)", text::short(rmse))));
+            rows.push((
+                "Distance of those",
+                format!("{} (root mean square)", text::format_number(rmse)),
+            ));
         }
-        rows.push(("Beyond chance", text::percent(fit.agreement.max(0.0))));
+        rows.push(("Beyond chance", text::format_percent(fit.agreement.max(0.0))));
     }
     if let (Some(all), Some(effective)) = (facts.connections, facts.effective_connections) {
-        let all = text::count(all as usize);
-        rows.push(("Connections", format!("{all}, {} effective", text::short(effective))));
+        let all = text::format_count(all as usize);
+        rows.push(("Connections", format!("{all}, {} effective", text::format_number(effective))));
     }
     if let (Some(iterations), Some(stop)) = (facts.iterations, &facts.stop) {
         rows.push(("Iterations", format!("{iterations}, ended by {}", stop.replace('-', " "))));
@@ -123,33 +130,33 @@ pub(super) struct Histogram {
 }
 
 /// Bars of a histogram.
-const BARS: usize = 40;
+const BIN_COUNT: usize = 40;
 
 impl Histogram {
     /// Of distances up to `most`.
     pub(super) fn new(distances: &[f32], most: f64, near: f64) -> Histogram {
-        let mut counts = [0usize; BARS];
+        let mut counts = [0usize; BIN_COUNT];
         let mut beyond = 0;
         for &distance in distances {
             let share = f64::from(distance) / most;
             match share < 1.0 {
-                true => counts[(share * BARS as f64) as usize] += 1,
+                true => counts[(share * BIN_COUNT as f64) as usize] += 1,
                 false => beyond += 1,
             }
         }
         let highest = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
         let all = distances.len().max(1) as f64;
-        let edge = |k: usize| text::short(most * k as f64 / BARS as f64);
+        let edge = |k: usize| text::format_number(most * k as f64 / BIN_COUNT as f64);
         let bar = |(k, &count): (usize, &usize)| {
-            let percent = text::percent(count as f64 / all);
+            let percent = text::format_percent(count as f64 / all);
             (count as f64 / highest, format!("{percent} from {} to {}", edge(k), edge(k + 1)))
         };
         Histogram {
             bars: counts.iter().enumerate().map(bar).collect(),
-            beyond: text::percent(f64::from(beyond) / all),
+            beyond: text::format_percent(f64::from(beyond) / all),
             near: near / most,
-            near_text: text::short(near),
-            most_text: text::short(most),
+            near_text: text::format_number(near),
+            most_text: text::format_number(most),
         }
     }
 }
@@ -185,15 +192,15 @@ pub(super) fn inputs(
         let dropped = counts.map_or(cloud.dropped(), |counts| counts.dropped);
         Ok(Input {
             name: names[k].clone(),
-            used: text::count(counts.map_or(cloud.len(), |counts| counts.used)),
-            dropped: text::count(dropped),
-            described: counts.and_then(|counts| counts.described).map(text::count),
-            keypoints: counts.and_then(|counts| counts.keypoints).map(text::count),
+            used: text::format_count(counts.map_or(cloud.len(), |counts| counts.used)),
+            dropped: text::format_count(dropped),
+            described: counts.and_then(|counts| counts.described).map(text::format_count),
+            keypoints: counts.and_then(|counts| counts.keypoints).map(text::format_count),
             oriented_by: counts.and_then(|counts| counts.oriented_by.clone()),
-            diagonal: text::short(cloud.diagonal()),
-            resolution: text::short(search::resolution(cloud.points())?),
-            unit: text::unit(cloud.diagonal()),
-            viewpoint: cloud.viewpoint().map(|at| at.map(text::short).join(", ")),
+            diagonal: text::format_number(cloud.diagonal()),
+            resolution: text::format_number(search::resolution(cloud.points())?),
+            unit: text::guess_unit(cloud.diagonal()),
+            viewpoint: cloud.viewpoint().map(|at| at.map(text::format_number).join(", ")),
             channels: (!channels.is_empty()).then(|| channels.join(", ")),
         })
     };
@@ -201,14 +208,17 @@ pub(super) fn inputs(
 }
 
 /// Ratio of sizes from which on clouds may be in different units.
-const RATIO: f64 = 50.0;
+const MAX_SIZE_RATIO: f64 = 50.0;
 
 /// What is to be said where one cloud is very much larger.
-pub(super) fn units_differ([source, target]: [f64; 2], scale: f64) -> Option<String> {
+pub(super) fn unit_warning([source, target]: [f64; 2], scale: f64) -> Option<String> {
     let ratio = (source * scale).max(target) / (source * scale).min(target);
     let smaller = if source * scale < target { "source" } else { "target" };
-    (ratio > RATIO && ratio.is_finite()).then(|| {
-        format!("The {smaller} is {} times smaller: have both one unit?", text::short(ratio))
+    (ratio > MAX_SIZE_RATIO && ratio.is_finite()).then(|| {
+        format!(
+            "The {smaller} is {} times smaller: have both one unit?",
+            text::format_number(ratio)
+        )
     })
 }
 
@@ -222,7 +232,7 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    pub(super) fn all(stages: &Stages) -> Vec<Stage> {
+    pub(super) fn from_stages(stages: &Stages) -> Vec<Stage> {
         let longest = stages.0.iter().map(|stage| stage.1).fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
         let told = |(name, seconds): &(String, f64)| Stage {
@@ -242,7 +252,7 @@ mod tests {
     fn a_pose_is_written_so_that_it_is_read_back() {
         let mut pose = Transform::from_rotation_vector([0.1, 2.0, -0.3]);
         pose.translation = [1.0 / 3.0, 0.0, -5e6];
-        let posed = Posed::new("a pose", &pose, None);
+        let posed = PoseText::new("a pose", &pose, None);
         let read = |text: &str| -> Vec<f64> {
             text.split_whitespace().map(|word| word.parse().unwrap()).collect()
         };
@@ -259,16 +269,16 @@ mod tests {
     #[test]
     fn a_histogram_counts_all_points() {
         let found = Histogram::new(&[0.0, 0.01, 0.99, 1.0, f32::INFINITY], 1.0, 0.2);
-        assert_eq!((found.bars.len(), found.bars[0].0, found.bars[39].0), (BARS, 1.0, 0.5));
+        assert_eq!((found.bars.len(), found.bars[0].0, found.bars[39].0), (BIN_COUNT, 1.0, 0.5));
         assert_eq!((found.beyond.as_str(), found.near), ("40 %", 0.2));
         assert_eq!(Histogram::new(&[], 1.0, 0.2).beyond, "0 %");
     }
 
     #[test]
     fn very_different_sizes_are_told() {
-        assert_eq!(units_differ([1.0, 2.0], 1.0), None);
-        assert!(units_differ([1.0, 1000.0], 1.0).unwrap().contains("source"));
-        assert_eq!(units_differ([1.0, 1000.0], 900.0), None);
-        assert_eq!(units_differ([0.0, 0.0], 1.0), None);
+        assert_eq!(unit_warning([1.0, 2.0], 1.0), None);
+        assert!(unit_warning([1.0, 1000.0], 1.0).unwrap().contains("source"));
+        assert_eq!(unit_warning([1.0, 1000.0], 900.0), None);
+        assert_eq!(unit_warning([0.0, 0.0], 1.0), None);
     }
 }

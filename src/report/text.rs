@@ -25,7 +25,7 @@ impl Headline {
         let Some(verdict) = &facts.verdict else {
             return Headline::without_verdict(facts, doubts);
         };
-        let told = percent(verdict.probability);
+        let told = format_percent(verdict.probability);
         let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
         let (tone, sign, title, line) = match verdict.decision.as_str() {
             "accept" if facts.trusted => (
@@ -65,7 +65,7 @@ impl Headline {
                 "One of several poses",
                 match &verdict.runner_up {
                     Some(other) => {
-                        let other = percent(other.probability);
+                        let other = format_percent(other.probability);
                         format!(
                             "Right with a probability of {told}, another pose with {other}: compare them."
                         )
@@ -88,9 +88,9 @@ impl Headline {
                 format!("Right with a probability of {told}; the clouds may share nothing."),
             ),
         };
-        let reasons = verdict.reasons.iter().map(|reason| sentence(reason)).collect();
+        let reasons = verdict.reasons.iter().map(|reason| to_sentence(reason)).collect();
         let retold = |doubt: &String| !verdict.reasons.iter().any(|reason| doubt.contains(reason));
-        let doubts = doubts.into_iter().filter(retold).map(|doubt| sentence(&doubt)).collect();
+        let doubts = doubts.into_iter().filter(retold).map(|doubt| to_sentence(&doubt)).collect();
         Headline { tone, sign, title: title.into(), line, reasons, doubts }
     }
 
@@ -115,13 +115,13 @@ impl Headline {
             title: title.into(),
             line: line.into(),
             reasons: Vec::new(),
-            doubts: doubts.iter().map(|doubt| sentence(doubt)).collect(),
+            doubts: doubts.iter().map(|doubt| to_sentence(doubt)).collect(),
         }
     }
 }
 
 /// A probability or share in percent, never rounded to certainty.
-pub(super) fn percent(share: f64) -> String {
+pub(super) fn format_percent(share: f64) -> String {
     let percent = 100.0 * share;
     match percent {
         p if p > 99.9 && p < 100.0 => "more than 99.9 %".into(),
@@ -132,7 +132,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 /// A number with four digits, without an exponent where that is short.
-pub(super) fn short(value: f64) -> String {
+pub(super) fn format_number(value: f64) -> String {
     if value == 0.0 {
         return "0".into();
     }
@@ -155,7 +155,7 @@ pub(super) fn short(value: f64) -> String {
 }
 
 /// A count with spaces between thousands.
-pub(super) fn count(count: usize) -> String {
+pub(super) fn format_count(count: usize) -> String {
     let digits = count.to_string();
     let first = digits.len() % 3;
     let mut groups: Vec<&str> = Vec::new();
@@ -167,7 +167,7 @@ pub(super) fn count(count: usize) -> String {
 }
 
 /// What the size of a cloud says of its unit, if it is that of usual things.
-pub(super) fn unit(diagonal: f64) -> &'static str {
+pub(super) fn guess_unit(diagonal: f64) -> &'static str {
     match diagonal {
         d if d < 0.02 => "very small for metres",
         d if d < 0.6 => "metres, if it is a thing for the hand",
@@ -180,14 +180,14 @@ pub(super) fn unit(diagonal: f64) -> &'static str {
 }
 
 /// Names of files without their folders, where these do not tell them apart.
-pub(super) fn distinct(names: &[String; 2]) -> [String; 2] {
+pub(super) fn distinct_names(names: &[String; 2]) -> [String; 2] {
     let last = |name: &String| name.rsplit(['/', '\\']).next().unwrap_or(name).to_string();
     let short = names.each_ref().map(last);
     if short[0] == short[1] || short.iter().any(String::is_empty) { names.clone() } else { short }
 }
 
 /// With a capital, and a full stop.
-pub(super) fn sentence(text: &str) -> String {
+pub(super) fn to_sentence(text: &str) -> String {
     let mut letters = text.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
     let stop = if text.ends_with(['.', '!', '?']) { "" } else { "." };
@@ -200,16 +200,25 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_never_more_certain_than_they_are() {
-        assert_eq!(percent(0.99951), "more than 99.9 %");
-        assert_eq!(percent(1.0), "100 %");
-        assert_eq!(percent(0.0002), "less than 0.1 %");
-        assert_eq!((percent(0.421), percent(0.034)), ("42 %".into(), "3.4 %".into()));
-        assert_eq!((short(0.0012346), short(12.0)), ("0.001235".into(), "12".into()));
-        assert_eq!((short(3.2e-9), short(123456.7)), ("3.200e-9".into(), "123457".into()));
-        assert_eq!(short(f64::NAN), "-");
-        assert_eq!((count(12), count(1234567)), ("12".into(), "1\u{202f}234\u{202f}567".into()));
-        assert_eq!(sentence("14 matches agree"), "14 matches agree.");
-        let names = |a: &str, b: &str| distinct(&[a.into(), b.into()]);
+        assert_eq!(format_percent(0.99951), "more than 99.9 %");
+        assert_eq!(format_percent(1.0), "100 %");
+        assert_eq!(format_percent(0.0002), "less than 0.1 %");
+        assert_eq!((format_percent(0.421), format_percent(0.034)), ("42 %".into(), "3.4 %".into()));
+        assert_eq!(
+            (format_number(0.0012346), format_number(12.0)),
+            ("0.001235".into(), "12".into())
+        );
+        assert_eq!(
+            (format_number(3.2e-9), format_number(123456.7)),
+            ("3.200e-9".into(), "123457".into())
+        );
+        assert_eq!(format_number(f64::NAN), "-");
+        assert_eq!(
+            (format_count(12), format_count(1234567)),
+            ("12".into(), "1\u{202f}234\u{202f}567".into())
+        );
+        assert_eq!(to_sentence("14 matches agree"), "14 matches agree.");
+        let names = |a: &str, b: &str| distinct_names(&[a.into(), b.into()]);
         assert_eq!(names("a/b.ply", "/c/d.ply"), ["b.ply", "d.ply"]);
         assert_eq!(names("a/b.ply", "c/b.ply"), ["a/b.ply", "c/b.ply"]);
     }

@@ -11,7 +11,7 @@ use crate::method::{WeightBlock, WeightGraph, WeightedLink};
 
 /// Connections and W. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Weights {
+pub(super) struct WeightView {
     /// Whether all was connected with all; else there were matches.
     pub(super) full: bool,
     /// How many connections there are, and how many are drawn.
@@ -24,12 +24,12 @@ pub(super) struct Weights {
     pub(super) onto: String,
     /// Whether the pose brings the ends together, a u8 each.
     pub(super) agree: String,
-    pub(super) matrix: Square,
+    pub(super) matrix: WeightMatrixView,
 }
 
 /// W between points that the pose brings together, as many rows as columns.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Square {
+pub(super) struct WeightMatrixView {
     pub(super) side: usize,
     /// Rows at the end, of points that the pose puts on nothing.
     pub(super) alone: usize,
@@ -43,27 +43,27 @@ pub(super) struct Square {
 }
 
 /// Most lines.
-const LINES: usize = 400;
+const MAX_LINES: usize = 400;
 /// Distances, in largest distances that count, up to which ends of a full connection are brought
 /// together.
-const TOGETHER: f64 = 3.0;
+const CLOSE_PAIR_FACTOR: f64 = 3.0;
 /// Share of the weights that is darker than the darkest.
-const CLIPPED: f64 = 0.002;
+const CLIPPED_SHARE: f64 = 0.002;
 
-impl Weights {
+impl WeightView {
     /// `middles` are what places are told relative to; `near` the largest distance that counts.
-    pub(super) fn of(
+    pub(super) fn new(
         connections: &WeightGraph,
         pose: &Transform,
         middles: [Vec3; 2],
         near: f64,
-    ) -> Weights {
-        let near = connections.inlier_distance.unwrap_or(TOGETHER * near);
+    ) -> WeightView {
+        let near = connections.inlier_distance.unwrap_or(CLOSE_PAIR_FACTOR * near);
         let WeightGraph { points, links, .. } = connections;
         let ends = |link: &WeightedLink| {
             [points[0][link.source as usize], points[1][link.target as usize]]
         };
-        let drawn = some(links, connections.full);
+        let drawn = sample_links(links, connections.full);
         let agrees: Vec<u8> = drawn
             .iter()
             .map(|link| {
@@ -75,7 +75,7 @@ impl Weights {
             let local = drawn.iter().flat_map(|link| math::sub(ends(link)[k], middles[k]));
             STANDARD.encode(local.flat_map(|x| (x as f32).to_le_bytes()).collect::<Vec<u8>>())
         };
-        Weights {
+        WeightView {
             full: connections.full,
             links: links.len(),
             drawn: drawn.len(),
@@ -83,19 +83,19 @@ impl Weights {
             from: side(0),
             onto: side(1),
             agree: STANDARD.encode(&agrees),
-            matrix: Square::new(&connections.block, &points[0], near),
+            matrix: WeightMatrixView::new(&connections.block, &points[0], near),
         }
     }
 }
 
 /// The heaviest; of matches, which weigh what the pose makes of them, an even choice.
-fn some(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
-    let step = if full { 1 } else { links.len().div_ceil(LINES).max(1) };
-    links.iter().step_by(step).take(LINES).copied().collect()
+fn sample_links(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
+    let step = if full { 1 } else { links.len().div_ceil(MAX_LINES).max(1) };
+    links.iter().step_by(step).take(MAX_LINES).copied().collect()
 }
 
-impl Square {
-    fn new(matrix: &WeightBlock, source: &[Vec3], near: f64) -> Square {
+impl WeightMatrixView {
+    fn new(matrix: &WeightBlock, source: &[Vec3], near: f64) -> WeightMatrixView {
         let n = matrix.rows.len();
         let place = |k: usize| source[matrix.rows[k] as usize];
         let extent = |axis: usize| {
@@ -118,7 +118,7 @@ impl Square {
         let all: Vec<f64> = (0..n * n).map(|at| weight(at / n, at % n)).collect();
         let mut sorted = all.clone();
         sorted.sort_by(f64::total_cmp);
-        let top = (((1.0 - CLIPPED) * sorted.len() as f64) as usize).min(sorted.len() - 1);
+        let top = (((1.0 - CLIPPED_SHARE) * sorted.len() as f64) as usize).min(sorted.len() - 1);
         let most = if sorted[top] > 0.0 { sorted[top] } else { sorted[sorted.len() - 1] };
         let small = |w: &f64| match most > 0.0 && w.is_finite() {
             true => ((w / most).clamp(0.0, 1.0).sqrt() * 255.0).round() as u8,
@@ -128,13 +128,13 @@ impl Square {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let own = (0..touching).map(|k| weight(k, k)).sum::<f64>() / touching.max(1) as f64;
         let told = touching > 0 && mean > 0.0 && mean.is_finite();
-        Square {
+        WeightMatrixView {
             side: n,
             alone: n - touching,
             weights: STANDARD.encode(all.iter().map(small).collect::<Vec<u8>>()),
             by_looks: STANDARD
                 .encode(by_looks.iter().flat_map(|&k| rank[k].to_le_bytes()).collect::<Vec<u8>>()),
-            diagonal: told.then(|| text::short(own / mean)),
+            diagonal: told.then(|| text::format_number(own / mean)),
         }
     }
 }
@@ -153,7 +153,7 @@ mod tests {
             principal_feature: vec![0.1, 0.2, 0.0],
             weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
         };
-        let square = Square::new(&matrix, &source, 1.0);
+        let square = WeightMatrixView::new(&matrix, &source, 1.0);
         // By place: the second, the first; the third stands alone.
         assert_eq!(STANDARD.decode(&square.weights).unwrap(), [255, 0, 0, 0, 255, 0, 0, 128, 0]);
         // By looks: the first, the second.

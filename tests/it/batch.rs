@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use cfreg::batch::{Batch, List, Row, Start, install_panic_hook};
+use cfreg::batch::{Batch, PairList, Row, StartMode, install_panic_hook};
 use cfreg::cloud::ViewpointSource;
 use cfreg::cloud::shape::boulder;
 use cfreg::method::{Consensus, Method, Pipeline, Register, Registration};
@@ -201,7 +201,7 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     // A journal of another method.
     fs::remove_file(path.join("rows.csv")).unwrap();
     let chain: Pipeline = Pipeline::new("cf".parse().unwrap(), Vec::new()).unwrap();
-    let list = List::read(&path.join("pairs.csv"), Path::new("")).unwrap();
+    let list = PairList::read(&path.join("pairs.csv"), Path::new("")).unwrap();
     let mut batch = Batch::new(&chain, &chain);
     batch.interrupt.request();
     let ended = batch.run(&list, &path.join("rows.csv"));
@@ -209,7 +209,7 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     assert!(path.join("rows.csv.part").exists());
     refused(path, &format!("{RUN} -o rows.csv"), "--resume");
     refused(path, &format!("{RUN} -o rows.csv --resume"), "was begun with method");
-    batch.start = Start::Resume;
+    batch.start = StartMode::Resume;
     assert!(matches!(batch.run(&list, &path.join("rows.csv")), Err(Error::Interrupted)));
     done(path, &format!("{RUN} -o rows.csv --overwrite"));
 }
@@ -313,7 +313,7 @@ fn panics_and_time_limits_are_rows() {
         let text: String = text.split_inclusive('\n').take(points).collect();
         fs::write(path.join(format!("{points}.xyz")), text).unwrap();
     }
-    let list = List::new(
+    let list = PairList::new(
         path,
         [["4.xyz", "0.ply"], ["0.ply", "1.ply"], ["5.xyz", "0.ply"], ["4.xyz", "4.xyz"]],
     );
@@ -338,7 +338,7 @@ fn the_time_limit_covers_reading() {
     let folder = folder();
     let line = |i: usize| format!("{} {} 0.5\n", i % 1000, i / 1000);
     fs::write(folder.path().join("large.xyz"), (0..500_000).map(line).collect::<String>()).unwrap();
-    let list = List::new(folder.path(), [["large.xyz", "0.ply"]]);
+    let list = PairList::new(folder.path(), [["large.xyz", "0.ply"]]);
     let calls = AtomicUsize::new(0);
     let method = Moody(&calls);
     let mut batch = Batch::new(&method, &"moody");
@@ -360,7 +360,7 @@ fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
         vec!["icp".parse().unwrap()],
     );
     let chain = chain.unwrap().with_verification(Consensus::default());
-    let list = List::read(&folder.path().join("pairs.csv"), folder.path()).unwrap();
+    let list = PairList::read(&folder.path().join("pairs.csv"), folder.path()).unwrap();
     let mut batch = Batch::new(&chain, &chain);
     batch.viewpoints = ViewpointSource::None;
     batch.thinning.sample = Some(200);
@@ -368,7 +368,7 @@ fn clouds_at_hand_are_as_files_and_rows_may_be_kept() {
     for seed in 0..CLOUDS {
         let name = format!("{seed}.ply");
         let path = folder.path().join(&name);
-        batch.given.insert(name, io::read(&path).unwrap().into());
+        batch.in_memory.insert(name, io::read(&path).unwrap().into());
         fs::remove_file(path).unwrap();
     }
     assert_eq!(batch.rows(&list, |_, _| ()).unwrap().len(), rows.len());

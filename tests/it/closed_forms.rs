@@ -6,7 +6,7 @@ use cfreg::math::{self, Vec3};
 use cfreg::moments::Moments;
 use cfreg::pose::{self, ScaleEstimate, Solver};
 use cfreg::{Error, Transform};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use proptest::prelude::*;
 
 /// Weighted pairs: mostly a moved cloud, blurred so that it is no exact fit.
@@ -37,7 +37,7 @@ proptest! {
             let arun = pose::solve(&moments, Solver::Arun, scale).unwrap().transform;
             for solver in Solver::ALL {
                 let other = pose::solve(&moments, solver, scale).unwrap().transform;
-                prop_assert!(poses_differ_by(&arun, &other) < 1e-9, "{solver} {scale}: {arun:?} {other:?}");
+                prop_assert!(pose_difference(&arun, &other) < 1e-9, "{solver} {scale}: {arun:?} {other:?}");
             }
         }
     }
@@ -76,7 +76,7 @@ proptest! {
         for (solver, estimate) in Solver::ALL.into_iter().flat_map(|s| estimates.map(|e| (s, e))) {
             let Ok(found) = pose::solve(&moments, solver, estimate) else { continue };
             prop_assume!(found.singular_values[1] > 1e-3);
-            prop_assert!(poses_differ_by(&found.transform, &truth) < 1e-9, "{solver} {estimate}");
+            prop_assert!(pose_difference(&found.transform, &truth) < 1e-9, "{solver} {estimate}");
         }
     }
 }
@@ -97,7 +97,7 @@ fn a_mirror_image_gets_a_rotation() {
     assert!((math::determinant(&arun.rotation) - 1.0).abs() < 1e-12);
     for solver in Solver::ALL {
         let other = pose::solve(&moments, solver, ScaleEstimate::Fixed).unwrap().transform;
-        assert!(poses_differ_by(&arun, &other) < 1e-9, "{solver}");
+        assert!(pose_difference(&arun, &other) < 1e-9, "{solver}");
     }
 }
 
@@ -108,7 +108,7 @@ fn a_plane_is_enough_and_a_line_is_not() {
     let flat = moments_of(&plane.map(|p| (p, turn.apply(p))));
     for solver in Solver::ALL {
         let found = pose::solve(&flat, solver, ScaleEstimate::Fixed).unwrap();
-        assert!(poses_differ_by(&found.transform, &turn) < 1e-9, "{solver}");
+        assert!(pose_difference(&found.transform, &turn) < 1e-9, "{solver}");
         assert!(found.singular_values[2] < 1e-12);
     }
     let line = [[1.0, 2.0, 3.0], [2.0, 4.0, 6.0], [-1.0, -2.0, -3.0]];
@@ -134,7 +134,7 @@ fn tiny_and_huge_units_change_nothing() {
             let found = pose::solve(&moments_of(&pairs), solver, ScaleEstimate::Fixed).unwrap();
             let mut rest = found.transform;
             rest.translation = math::scaled(rest.translation, 1.0 / unit);
-            assert!(poses_differ_by(&rest, &turn) < 1e-9, "{solver} {unit}");
+            assert!(pose_difference(&rest, &turn) < 1e-9, "{solver} {unit}");
         }
     }
 }

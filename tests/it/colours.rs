@@ -6,7 +6,7 @@ use crate::common;
 use std::path::Path;
 
 use cfreg::{Channels, ColorDepth, PointCloud, Transform, filter, io};
-use common::files::{file, read};
+use common::files::{read, write_temp_file};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use tempfile::tempdir;
@@ -161,7 +161,8 @@ fn colours_stay_colours_when_points_are_moved_chosen_and_averaged() {
 
 #[test]
 fn a_number_called_rgb_stays_a_number() {
-    let (_folder, path) = file("rgb.csv", "x,y,z,rgb,RGBA\n1,2,3,0.5,1\n5,6,7,0.25,2\n0,1,0,1,3\n");
+    let (_folder, path) =
+        write_temp_file("rgb.csv", "x,y,z,rgb,RGBA\n1,2,3,0.5,1\n5,6,7,0.25,2\n0,1,0,1,3\n");
     let cloud = io::read(path).unwrap();
     let folder = tempdir().unwrap();
     for way in [&["a.pcd"][..], &["a.ply", "b.pcd", "c.csv"]] {
@@ -185,8 +186,10 @@ fn a_number_called_rgb_stays_a_number() {
 
 #[test]
 fn names_that_a_format_cannot_hold_are_changed_and_said() {
-    let (_folder, path) =
-        file("odd.txt", "# x,y,z,a.b,a_b,1st,größe,_,GPS Time,,A B,x 2\n0,0,0,1,2,3,4,5,6,7,8,9\n");
+    let (_folder, path) = write_temp_file(
+        "odd.txt",
+        "# x,y,z,a.b,a_b,1st,größe,_,GPS Time,,A B,x 2\n0,0,0,1,2,3,4,5,6,7,8,9\n",
+    );
     let (cloud, differences) = io::read_with_differences(path).unwrap();
     let own: Vec<&str> = cloud.channels().names().collect();
     let expected = ["a.b", "a_b", "1st", "größe", "_", "GPS_Time", "column_10", "A_B_2", "x_2"];
@@ -259,7 +262,7 @@ proptest! {
 #[test]
 fn what_a_cloud_does_not_have_of_a_file_is_said() {
     let said = |name: &str, content: &str| {
-        let (_folder, path) = file(name, content);
+        let (_folder, path) = write_temp_file(name, content);
         io::read_with_differences(path).unwrap().1.to_string()
     };
     let ply = "ply\nformat ascii 1.0\ncomment a\nobj_info b\nelement camera 1\nproperty int k\n\

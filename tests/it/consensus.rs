@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use cfreg::benchmark::{self, Rule, Settings, list};
+use cfreg::benchmark::{self, Settings, SuccessCriterion, list};
 use cfreg::cloud::ViewpointSource;
 use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
@@ -250,7 +250,8 @@ fn a_refinement_that_stays_with_the_pose_stays_accepted() {
     let (source, target) = (read("bun000.ply"), read("bun090.ply"));
     let first = register(&source, &target);
     assert_eq!(decision(&first), Decision::Accept);
-    let kept = benchmark::method("consensus+gicp").unwrap().register(&source, &target).unwrap();
+    let kept =
+        benchmark::parse_method("consensus+gicp").unwrap().register(&source, &target).unwrap();
     let verdict = kept.verdict.as_ref().unwrap();
     assert!(kept.trusted && verdict.decision == Decision::Accept, "{:?}", kept.doubts);
     // It is its own.
@@ -376,10 +377,10 @@ fn it_is_a_method_by_name_and_starts_refinements() {
         Method::Consensus(Consensus { voxel: Some(0.1), seeds: 50, ..Consensus::default() })
     );
     let (source, target, truth) = samples(1500);
-    let chain = benchmark::method("consensus+gicp").unwrap();
+    let chain = benchmark::parse_method("consensus+gicp").unwrap();
     let refined = chain.register(&source, &target).unwrap();
     assert!(degrees(&refined.transform, &truth) < 1.0);
     let first = refined.refined_from.unwrap();
     assert_eq!((&*first.method.name, decision(&first)), ("consensus", Decision::Accept));
-    assert_eq!(Rule::of_size(source.diagonal()), Rule::Indoor);
+    assert_eq!(SuccessCriterion::for_size(source.diagonal()), SuccessCriterion::Indoor);
 }

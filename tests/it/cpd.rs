@@ -7,7 +7,7 @@ use cfreg::math::{Mat3, Vec3};
 use cfreg::method::{Cpd, Refine, Register, Registration, StopReason};
 use cfreg::pose::ScaleEstimate;
 use cfreg::{Error, PointCloud, Transform, math, verify};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use common::golden::read;
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -210,7 +210,7 @@ fn it_follows_the_reference_step_by_step() {
                 assert!(weight.abs() < 2e-6, "{at}: weight off by {weight:e}");
                 let Pose { scale, rotation, translation } = want.pose;
                 let pose = Transform { rotation, translation, scale };
-                let pose = poses_differ_by(&step.transform, &pose);
+                let pose = pose_difference(&step.transform, &pose);
                 assert!(pose < 5e-6, "{at}: pose off by {pose:e}");
             }
         }
@@ -246,11 +246,11 @@ proptest! {
         let change = Transform { translation, ..Transform::from_rotation_vector(vector) };
         let moved = target.transformed(&change).unwrap();
         let found = change.inverse().after(&refine(&source, &moved, change.after(&start())));
-        let off = poses_differ_by(&found, &still);
+        let off = pose_difference(&found, &still);
         prop_assert!(off < 2e-5, "target moved: {off:e}");
         let moved = source.transformed(&change).unwrap();
         let found = refine(&moved, &target, start().after(&change.inverse())).after(&change);
-        let off = poses_differ_by(&found, &still);
+        let off = pose_difference(&found, &still);
         prop_assert!(off < 2e-5, "source moved: {off:e}");
     }
 }
@@ -263,7 +263,7 @@ fn the_order_of_points_does_not_matter() {
     for scale in [ScaleEstimate::Fixed, ScaleEstimate::Umeyama] {
         let still = register(&steps(scale), &source, &target).transform;
         for (a, b) in [(&shuffled[0], &target), (&source, &shuffled[1])] {
-            let off = poses_differ_by(&register(&steps(scale), a, b).transform, &still);
+            let off = pose_difference(&register(&steps(scale), a, b).transform, &still);
             assert!(off < 2e-6, "{scale}: {off:e}");
         }
     }

@@ -9,7 +9,7 @@ use cfreg::method::{Dare, Refine, Register, Registration, StopReason};
 use cfreg::pose::{Prior, RotationBound};
 use cfreg::verify::Warning;
 use cfreg::{Error, PointCloud, Transform, math, verify};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use common::golden;
 use common::scans::real_pairs;
 use proptest::prelude::*;
@@ -50,7 +50,7 @@ fn every_step_is_the_references() {
         assert_eq!(found.trace.len(), steps.len(), "{:?}", found.method);
         for (step, expected) in found.trace.iter().zip(steps) {
             let ExpectedStep { rotation, translation, .. } = expected;
-            let pose = poses_differ_by(&step.transform, &Transform::rigid(rotation, translation));
+            let pose = pose_difference(&step.transform, &Transform::rigid(rotation, translation));
             let likelihood = (step.objective - expected.log_likelihood).abs();
             let weight = (step.weight - expected.weight).abs();
             let sigma = (step.bandwidth.unwrap() - expected.sigma).abs();

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use cfreg::{PointCloud, Transform, io};
-use common::files::{ENCODINGS, file, read};
+use common::files::{ENCODINGS, read, write_temp_file};
 
 fn positions(cloud: &PointCloud) -> Vec<[f64; 3]> {
     cloud.positions().collect()
@@ -77,7 +77,7 @@ fn faces_become_triangles_in_every_encoding() {
         files.push(file);
     }
     for content in files {
-        let (_folder, path) = file("mesh.ply", content);
+        let (_folder, path) = write_temp_file("mesh.ply", content);
         let mesh = io::read_mesh(path).unwrap();
         assert_eq!(mesh.vertices, points.map(|p| p.map(f64::from)));
         assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3], [0, 1, 4]]);
@@ -91,7 +91,7 @@ fn a_range_grid_becomes_triangles_where_something_was_seen() {
                    element vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
                    element range_grid 6\nproperty list uchar int vertex_indices\nend_header\n\
                    0 0 0\n1 0 0\n2 0 0\n0 1 0\n2 1 0\n1 0\n1 1\n1 2\n1 3\n0\n1 4\n";
-    let (_folder, path) = file("grid.ply", content);
+    let (_folder, path) = write_temp_file("grid.ply", content);
     assert_eq!(io::read_mesh(path).unwrap().faces, [[0, 1, 3], [1, 2, 4]]);
     let Some(data) = common::shared_data() else { return };
     let mesh = io::read_mesh(data.join("stanford_bunny/bun000.ply")).unwrap();
@@ -212,7 +212,7 @@ fn poses_are_read_from_text_and_json() {
     let plain = "# target from source\n0 -1 0 1\n1 0 0 2\n\n0 0 1 3.5\n0 0 0 1\n";
     let commas = "0, -1, 0, 1\n1,0,0,2\n0,0,1,3.5\n0,0,0,1";
     for content in [rows, &named, &json, plain, commas] {
-        let (_folder, path) = file("pose", content);
+        let (_folder, path) = write_temp_file("pose", content);
         assert_eq!(io::read_transform(path).unwrap(), pose, "{content}");
     }
 }

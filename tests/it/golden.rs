@@ -13,8 +13,10 @@ use cfreg::moments::FullConnection;
 use cfreg::normals::{self, Orientation};
 use cfreg::search::{Neighborhood, Neighbors, SearchTree};
 use cfreg::weight::{Normalization, WeightScheme};
-use common::compare::rows_differ_by;
-use common::golden::{MOMENTS_TIMES_BETA, Pair, Solved, described, descriptors, read};
+use common::compare::row_difference;
+use common::golden::{
+    ExpectedSolution, GoldenPair, MOMENTS_TIMES_BETA, descriptors, feature_view, read,
+};
 use serde::Deserialize;
 
 /// f64 arithmetic on the same numbers, then half a unit in the last place of an f32 in
@@ -28,7 +30,7 @@ const HISTOGRAM: f64 = 1.2e-5;
 struct SurfacePair {
     neighbors: usize,
     #[serde(flatten)]
-    sides: Pair<Scan>,
+    sides: GoldenPair<Scan>,
 }
 
 #[derive(Deserialize)]
@@ -58,7 +60,7 @@ impl Stages {
 #[derive(Deserialize)]
 struct Expected {
     #[serde(flatten)]
-    sides: Pair<Stages>,
+    sides: GoldenPair<Stages>,
     registrations: Vec<Registration>,
 }
 
@@ -67,7 +69,7 @@ struct Registration {
     scale: HistogramScale,
     beta: f64,
     #[serde(flatten)]
-    solved: Solved,
+    solved: ExpectedSolution,
 }
 
 const SCALES: [HistogramScale; 2] = [HistogramScale::Pcl, HistogramScale::Open3d];
@@ -87,7 +89,7 @@ fn surface_pair() -> ([Side; 2], Vec<Registration>) {
         let k = Neighborhood::Nearest(given.neighbors);
         Side { neighbors: Neighbors::find(cloud.points(), k).unwrap(), cloud, expected }
     };
-    let Pair { source, target } = &given.sides;
+    let GoldenPair { source, target } = &given.sides;
     ([side(source, sides.source), side(target, sides.target)], registrations)
 }
 
@@ -120,10 +122,10 @@ fn neighbours_are_the_same_and_nearest_first() {
 fn normals_and_curvature_are_the_same() {
     for Side { cloud, neighbors, expected } in surface_pair().0 {
         let found = normals::estimate(&cloud, &neighbors, Orientation::Viewpoint).unwrap();
-        assert!(rows_differ_by(&found.vectors, &expected.normals) < ROUNDED);
+        assert!(row_difference(&found.vectors, &expected.normals) < ROUNDED);
         let curvature: Vec<[f64; 1]> = expected.curvature.iter().map(|&x| [x]).collect();
         let found: Vec<[f32; 1]> = found.curvature.iter().map(|&x| [x]).collect();
-        assert!(rows_differ_by(&found, &curvature) < ROUNDED);
+        assert!(row_difference(&found, &curvature) < ROUNDED);
     }
 }
 
@@ -136,7 +138,7 @@ fn histograms_are_the_same_on_both_scales() {
             for (i, (row, want)) in found.rows().zip(expected.fpfh(scale)).enumerate() {
                 let row: [f32; BINS] = row.try_into().unwrap();
                 let want: [f64; BINS] = want[..].try_into().unwrap();
-                let error = rows_differ_by(&[row], &[want]);
+                let error = row_difference(&[row], &[want]);
                 assert!(error < HISTOGRAM, "{scale}, point {i}: {error:e}");
             }
         }
@@ -148,8 +150,10 @@ fn weighted_connections_have_the_same_moments_and_pose() {
     let ([source, target], registrations) = surface_pair();
     for Registration { scale, beta, solved } in registrations {
         let [from, to] = [&source, &target].map(|side| descriptors(side.expected.fpfh(scale)));
-        let connection =
-            FullConnection::new(described(&source.cloud, &from), described(&target.cloud, &to));
+        let connection = FullConnection::new(
+            feature_view(&source.cloud, &from),
+            feature_view(&target.cloud, &to),
+        );
         let found = connection
             .unwrap()
             .scheme_moments(WeightScheme::Gaussian, beta, Normalization::None)
@@ -168,8 +172,10 @@ fn the_whole_way_from_points_to_pose_is_the_same() {
             descriptor::fpfh(cloud.points(), &found.vectors, neighbors, scale).unwrap()
         });
         let [source, target] = &sides;
-        let connection =
-            FullConnection::new(described(&source.cloud, &from), described(&target.cloud, &to));
+        let connection = FullConnection::new(
+            feature_view(&source.cloud, &from),
+            feature_view(&target.cloud, &to),
+        );
         let found = connection
             .unwrap()
             .scheme_moments(WeightScheme::Gaussian, beta, Normalization::None)

@@ -10,8 +10,11 @@ use cfreg::moments::{FullConnection, Moments};
 use cfreg::pose::{self, ScaleEstimate, Solver};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{Error, PointCloud};
-use common::compare::poses_differ_by;
-use common::golden::{MOMENTS_TIMES_BETA, Pair, Pose, Solved, Sums, described, descriptors, read};
+use common::compare::pose_difference;
+use common::golden::{
+    ExpectedPose, ExpectedSolution, GoldenPair, MOMENTS_TIMES_BETA, Sums, descriptors,
+    feature_view, read,
+};
 use serde::Deserialize;
 
 /// A few f32 roundings of d²/β and the 4e-7 of `math::fast`, on weights that fall with both.
@@ -24,7 +27,7 @@ struct WeightsInput {
     beta: f64,
     nu: f32,
     #[serde(flatten)]
-    sides: Pair<DescribedPoints>,
+    sides: GoldenPair<DescribedPoints>,
 }
 
 #[derive(Deserialize)]
@@ -38,7 +41,7 @@ struct Weighed {
     kernel: String,
     normalisation: Normalization,
     #[serde(flatten)]
-    solved: Solved,
+    solved: ExpectedSolution,
 }
 
 #[derive(Deserialize)]
@@ -77,11 +80,11 @@ fn every_kernel_has_the_same_weights() {
 
 #[test]
 fn every_kernel_and_normalisation_has_the_same_moments_and_pose() {
-    let WeightsInput { beta, nu, sides: Pair { source, target } } = read("weights", "input");
+    let WeightsInput { beta, nu, sides: GoldenPair { source, target } } = read("weights", "input");
     let clouds = [&source, &target].map(|side| PointCloud::new(&side.points).unwrap());
     let rows = [&source, &target].map(|side| descriptors(&side.descriptors));
     let connection =
-        FullConnection::new(described(&clouds[0], &rows[0]), described(&clouds[1], &rows[1]))
+        FullConnection::new(feature_view(&clouds[0], &rows[0]), feature_view(&clouds[1], &rows[1]))
             .unwrap();
     let expected: Vec<Weighed> = read("weights", "expected");
     assert_eq!(expected.len(), WeightScheme::NAMES.len() * Normalization::NAMES.len());
@@ -101,17 +104,17 @@ struct PointWeights {
 struct Normalized {
     normalisation: Normalization,
     #[serde(flatten)]
-    solved: Solved,
+    solved: ExpectedSolution,
 }
 
 #[test]
 fn weights_of_points_have_the_same_moments_and_pose() {
-    let WeightsInput { beta, sides: Pair { source, target }, .. } = read("weights", "input");
+    let WeightsInput { beta, sides: GoldenPair { source, target }, .. } = read("weights", "input");
     let PointWeights { source_weights, target_weights } = read("point_weights", "input");
     let clouds = [&source, &target].map(|side| PointCloud::new(&side.points).unwrap());
     let rows = [&source, &target].map(|side| descriptors(&side.descriptors));
     let connection =
-        FullConnection::new(described(&clouds[0], &rows[0]), described(&clouds[1], &rows[1]))
+        FullConnection::new(feature_view(&clouds[0], &rows[0]), feature_view(&clouds[1], &rows[1]))
             .unwrap()
             .with_point_weights(Some(&source_weights), Some(&target_weights))
             .unwrap();
@@ -136,8 +139,8 @@ struct Problem {
 #[derive(Deserialize)]
 struct Answers {
     name: String,
-    rigid: Option<Pose>,
-    similarity: Option<Pose>,
+    rigid: Option<ExpectedPose>,
+    similarity: Option<ExpectedPose>,
 }
 
 #[test]
@@ -160,7 +163,7 @@ fn every_solver_finds_the_same_pose_or_says_that_there_is_none() {
                     continue;
                 };
                 let found = found.unwrap().transform;
-                let error = poses_differ_by(&found, &want.transform());
+                let error = pose_difference(&found, &want.transform());
                 // What f64 leaves of the problem, with room for another order of sums.
                 let bound = 1e-13 + 10.0 * want.solvers_differ_by;
                 assert!(error < bound, "{name}, {solver}, {scale}: {error:e}");

@@ -6,7 +6,7 @@ use crate::common;
 use std::fs;
 
 use cfreg::{Error, io};
-use common::files::{ENCODINGS, file};
+use common::files::{ENCODINGS, write_temp_file};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use tempfile::tempdir;
@@ -300,14 +300,14 @@ fn coordinates_too_large_to_compute_with() {
         let one = encoding.encode(&[[1e308, 0.0, 0.0]], None);
         assert_refused(&name, &one, &["x is 1e308"]);
         // A row that is left out anyway may have any.
-        let (_folder, path) = file(&name, encoding.encode(&huge[..2], None));
+        let (_folder, path) = write_temp_file(&name, encoding.encode(&huge[..2], None));
         assert_eq!(io::read(path).unwrap().dropped(), 1);
     }
     let viewpoint = pcd("VIEWPOINT", "VIEWPOINT 0 1e76 0 1 0 0 0", "ascii", b"1 2 3\n4 5 6\n");
     assert_refused("a.pcd", &viewpoint, &["line 8", "VIEWPOINT has 1e76"]);
     let mesh = vertices("3") + "element face 1\nproperty list uchar int vertex_indices\n";
     let (_folder, path) =
-        file("mesh.ply", ply("ascii", &mesh, b"0 0 0\n1 0 0\n0 1e90 0\n3 0 1 2\n"));
+        write_temp_file("mesh.ply", ply("ascii", &mesh, b"0 0 0\n1 0 0\n0 1e90 0\n3 0 1 2\n"));
     let error = io::read_mesh(path).unwrap_err().to_string();
     assert!(error.contains("line 12") && error.contains("y is 1e90"), "{error}");
 }

@@ -5,7 +5,7 @@ use crate::common;
 use std::fs;
 
 use cfreg::{Error, PointCloud, Transform, io};
-use common::files::{ENCODINGS, file, read};
+use common::files::{ENCODINGS, read, write_temp_file};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use tempfile::tempdir;
@@ -219,7 +219,7 @@ fn a_full_disk_is_an_io_error() {
 #[cfg(unix)]
 #[test]
 fn a_link_is_written_through() {
-    let (folder, path) = file("a.ply", "old");
+    let (folder, path) = write_temp_file("a.ply", "old");
     let link = folder.path().join("link.ply");
     std::os::unix::fs::symlink(&path, &link).unwrap();
     io::write(&link, &PointCloud::default()).unwrap();

@@ -10,7 +10,7 @@ use cfreg::method::{
 };
 use cfreg::verify::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use common::golden::read;
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -99,7 +99,7 @@ fn it_follows_the_reference_step_by_step() {
         assert!((step.bandwidth.unwrap() / want.sigma - 1.0).abs() < 1e-14, "{at}");
         let share = step.objective / want.correlation - 1.0;
         assert!(share.abs() < 2e-6, "{at}: J off by {share:e}");
-        let pose = poses_differ_by(&step.transform, &want.pose.transform());
+        let pose = pose_difference(&step.transform, &want.pose.transform());
         assert!(pose < 3e-6, "{at}: pose off by {pose:e}");
     }
     assert_eq!(found.transform, found.trace[expected.len() - 1].transform);
@@ -244,11 +244,11 @@ proptest! {
         let change = motion(vector, shift);
         let moved = target.transformed(&change).unwrap();
         let found = refined(&source, &moved, &change.after(&start())).transform;
-        let off = poses_differ_by(&change.inverse().after(&found), &still);
+        let off = pose_difference(&change.inverse().after(&found), &still);
         prop_assert!(off < 2e-5, "target moved: {off:e}");
         let moved = source.transformed(&change).unwrap();
         let found = refined(&moved, &target, &start().after(&change.inverse())).transform;
-        let off = poses_differ_by(&found.after(&change), &still);
+        let off = pose_difference(&found.after(&change), &still);
         prop_assert!(off < 2e-5, "source moved: {off:e}");
     }
 }
@@ -259,9 +259,9 @@ fn the_order_of_points_does_not_matter() {
     let still = refined(&source, &target, &start()).transform;
     let order: Vec<usize> = (0..200).map(|i| (i * 77 + 13) % 200).collect();
     let found = refined(&source.select(&order), &target, &start()).transform;
-    assert!(poses_differ_by(&found, &still) < 2e-6);
+    assert!(pose_difference(&found, &still) < 2e-6);
     let found = refined(&source, &target.select(&order), &start()).transform;
-    assert!(poses_differ_by(&found, &still) < 2e-6);
+    assert!(pose_difference(&found, &still) < 2e-6);
 }
 
 #[test]

@@ -19,6 +19,8 @@ mod connections;
 mod consensus;
 mod covariance;
 mod cpd;
+mod custom_kernel;
+mod custom_method;
 mod dare;
 mod digests;
 mod equivariance;

@@ -5,8 +5,8 @@ use crate::common;
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::par;
 use cfreg::weight::{Normalization, WeightScheme};
-use common::compare::moments_differ_by;
-use common::sides::{NORMALIZATIONS, Side, beta};
+use common::compare::moments_difference;
+use common::sides::{NORMALIZATIONS, RandomCloud, bandwidth_for};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rand::SeedableRng;
@@ -40,13 +40,16 @@ struct Case {
 }
 
 impl Case {
-    fn sides(self) -> [Side; 2] {
+    fn sides(self) -> [RandomCloud; 2] {
         let Case { source, target, dim, offset, seed } = self;
-        [Side::random(source, dim, offset, seed), Side::random(target, dim, offset, !seed)]
+        [
+            RandomCloud::random(source, dim, offset, seed),
+            RandomCloud::random(target, dim, offset, !seed),
+        ]
     }
 
     fn beta(self) -> f64 {
-        beta(self.dim)
+        bandwidth_for(self.dim)
     }
 }
 
@@ -59,13 +62,16 @@ fn case() -> impl Strategy<Value = Case> {
         .prop_map(|(source, target, dim, offset, seed)| Case { source, target, dim, offset, seed })
 }
 
-fn connect([source, target]: &[Side; 2]) -> FullConnection {
-    FullConnection::new(source.described(), target.described()).unwrap()
+fn connect([source, target]: &[RandomCloud; 2]) -> FullConnection {
+    FullConnection::new(source.feature_view(), target.feature_view()).unwrap()
 }
 
 /// All that the normalisations and kernels make of the sides; `None` where no connection
 /// has weight.
-fn outcomes(sides: &[Side; 2], beta: f64) -> Vec<(WeightScheme, Normalization, Option<Moments>)> {
+fn outcomes(
+    sides: &[RandomCloud; 2],
+    beta: f64,
+) -> Vec<(WeightScheme, Normalization, Option<Moments>)> {
     let connection = connect(sides);
     let cases = WeightScheme::ALL.into_iter().flat_map(|k| NORMALIZATIONS.map(|n| (k, n)));
     cases.map(|(k, n)| (k, n, connection.scheme_moments(k, beta, n).ok())).collect()
@@ -98,12 +104,12 @@ proptest! {
         let [source, target] = case.sides();
         for (scheme, normalization, fused) in outcomes(&case.sides(), case.beta()) {
             let kernel = |d2| weight(scheme, case.beta(), d2);
-            let exact = naive::moments(source.described(), target.described(), kernel, normalization);
+            let exact = naive::moments(source.feature_view(), target.feature_view(), kernel, normalization);
             let Some(fused) = fused else {
                 prop_assert_eq!(exact.weight, 0.0, "{} {}", scheme, normalization);
                 continue;
             };
-            let error = moments_differ_by(&exact, &fused);
+            let error = moments_difference(&exact, &fused);
             prop_assert!(error < tolerance(scheme), "{scheme} {normalization}: {error:e}");
         }
     }
@@ -136,7 +142,7 @@ proptest! {
             let back = swapped.scheme_moments(scheme, case.beta(), normalization).ok();
             prop_assert_eq!(there.is_some(), back.is_some());
             let (Some(there), Some(back)) = (there, back) else { continue };
-            let error = moments_differ_by(&there, &back.swapped());
+            let error = moments_difference(&there, &back.swapped());
             prop_assert!(error < tolerance(scheme), "{scheme} {normalization}: {error:e}");
         }
     }
@@ -154,7 +160,7 @@ proptest! {
         for ((scheme, normalization, a), (_, _, b)) in pairs {
             prop_assert_eq!(a.is_some(), b.is_some());
             let (Some(a), Some(b)) = (a, b) else { continue };
-            let error = moments_differ_by(&a, &b);
+            let error = moments_difference(&a, &b);
             prop_assert!(error < tolerance(scheme), "{scheme} {normalization}: {error:e}");
         }
     }
@@ -196,13 +202,13 @@ fn times(moments: &Moments, factor: f64) -> Moments {
 fn a_point_finds_itself_among_many() {
     // Where descriptors coincide, the product's rounding is all there is of d²: some 1e-7
     // of |a|² ≈ 130. The Laplacian sees its root, some 1e-4 of √β.
-    let side = Side::random(700, 33, 0.0, 5);
+    let side = RandomCloud::random(700, 33, 0.0, 5);
     let twins = [side.clone(), side];
-    for (scheme, normalization, fused) in outcomes(&twins, beta(33)) {
-        let described = twins[0].described();
-        let kernel = |d2| weight(scheme, beta(33), d2);
+    for (scheme, normalization, fused) in outcomes(&twins, bandwidth_for(33)) {
+        let described = twins[0].feature_view();
+        let kernel = |d2| weight(scheme, bandwidth_for(33), d2);
         let exact = naive::moments(described, described, kernel, normalization);
-        let error = moments_differ_by(&exact, &fused.unwrap());
+        let error = moments_difference(&exact, &fused.unwrap());
         let tolerance = if scheme == WeightScheme::Laplacian { 1e-4 } else { 2e-6 };
         assert!(error < tolerance, "{scheme} {normalization}: {error:e}");
     }
@@ -213,7 +219,7 @@ fn a_tolerance_is_kept_and_used_where_it_pays() {
     // Above the 5·10⁷ connections below which nothing is left out.
     for dim in [3, 33] {
         let [source, target] =
-            [(7_300, 1), (6_900, 2)].map(|(n, seed)| Side::random(n, dim, 0.0, seed));
+            [(7_300, 1), (6_900, 2)].map(|(n, seed)| RandomCloud::random(n, dim, 0.0, seed));
         let (connection, beta) = (connect(&[source, target]), dim as f64 / 6.0);
         for normalization in [Normalization::None, Normalization::Source, Normalization::Both] {
             let moments = |tolerance| {

@@ -7,19 +7,19 @@ use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, 
 use cfreg::moments::{FullConnection, Moments, naive};
 use cfreg::weight::{Normalization, WeightScheme};
 use cfreg::{PointCloud, Transform};
-use common::compare::{moments_differ_by, poses_differ_by};
-use common::sides::{NORMALIZATIONS, Side, beta};
+use common::compare::{moments_difference, pose_difference};
+use common::sides::{NORMALIZATIONS, RandomCloud, bandwidth_for};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-fn connect([source, target]: &[Side; 2], weights: [Option<&[f32]>; 2]) -> FullConnection {
-    let connection = FullConnection::new(source.described(), target.described()).unwrap();
+fn connect([source, target]: &[RandomCloud; 2], weights: [Option<&[f32]>; 2]) -> FullConnection {
+    let connection = FullConnection::new(source.feature_view(), target.feature_view()).unwrap();
     connection.with_point_weights(weights[0], weights[1]).unwrap()
 }
 
 fn weigh(connection: &FullConnection, dim: usize, normalization: Normalization) -> Moments {
-    connection.scheme_moments(WeightScheme::Cauchy, beta(dim), normalization).unwrap()
+    connection.scheme_moments(WeightScheme::Cauchy, bandwidth_for(dim), normalization).unwrap()
 }
 
 fn random(n: usize, seed: u64) -> Vec<f32> {
@@ -35,7 +35,7 @@ proptest! {
         n in 1..150usize, m in 1..600usize, dim in prop::sample::select(vec![3, 33]),
         power in -60..60i32, seed in any::<u64>(), which in 1..4u8,
     ) {
-        let sides = [Side::random(n, dim, 0.0, seed), Side::random(m, dim, 0.0, !seed)];
+        let sides = [RandomCloud::random(n, dim, 0.0, seed), RandomCloud::random(m, dim, 0.0, !seed)];
         let (mut a, mut b) = (random(n, seed), random(m, seed + 1));
         a[0] = 1.0;
         b[0] = 1.0;
@@ -46,10 +46,10 @@ proptest! {
         let connection = connect(&sides, given);
         for normalization in NORMALIZATIONS {
             let fused = weigh(&connection, dim, normalization);
-            let kernel = |d2: f64| 1.0 / (1.0 + d2 / beta(dim));
-            let [from, to] = [sides[0].described(), sides[1].described()];
+            let kernel = |d2: f64| 1.0 / (1.0 + d2 / bandwidth_for(dim));
+            let [from, to] = [sides[0].feature_view(), sides[1].feature_view()];
             let exact = naive::point_weighted_moments(from, to, kernel, normalization, all);
-            let error = moments_differ_by(&exact, &fused);
+            let error = moments_difference(&exact, &fused);
             prop_assert!(error < 2e-6, "{normalization}: {error:e}");
         }
     }
@@ -59,7 +59,7 @@ proptest! {
         n in 1..60usize, m in 1..60usize, dim in prop::sample::select(vec![3, 33]),
         seed in any::<u64>(),
     ) {
-        let sides = [Side::random(n, dim, 0.0, seed), Side::random(m, dim, 0.0, !seed)];
+        let sides = [RandomCloud::random(n, dim, 0.0, seed), RandomCloud::random(m, dim, 0.0, !seed)];
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut counts = [n, m].map(|n| (0..n).map(|_| rng.random_range(0..4usize)).collect::<Vec<_>>());
         counts.iter_mut().for_each(|counts| counts[0] = 1);
@@ -74,19 +74,19 @@ proptest! {
         let twice = weigh(&connect(&repeated, [None; 2]), dim, Normalization::None);
         // Pairs that are there twice are two squares, and not the square of two.
         let weighed = Moments { weight_squared: twice.weight_squared, ..weighed };
-        let error = moments_differ_by(&weighed, &twice);
+        let error = moments_difference(&weighed, &twice);
         prop_assert!(error < 2e-6, "{error:e}");
     }
 }
 
 #[test]
 fn equal_weights_change_nothing() {
-    let sides = [Side::random(100, 33, 0.0, 1), Side::random(90, 33, 0.0, 2)];
+    let sides = [RandomCloud::random(100, 33, 0.0, 1), RandomCloud::random(90, 33, 0.0, 2)];
     for normalization in NORMALIZATIONS {
         let plain = weigh(&connect(&sides, [None; 2]), 33, normalization);
         let ones = [vec![1.0; 100], vec![1.0; 90]];
         let ones = weigh(&connect(&sides, [Some(&ones[0]), Some(&ones[1])]), 33, normalization);
-        let error = moments_differ_by(&plain, &ones);
+        let error = moments_difference(&plain, &ones);
         assert!(error < 1e-6, "{normalization}: {error:e}");
     }
     assert!(connect(&sides, [None; 2]).with_point_weights(Some(&[1.0]), None).is_err());
@@ -96,7 +96,7 @@ fn equal_weights_change_nothing() {
 
 #[test]
 fn a_tolerance_leaves_nothing_out_beside_weights() {
-    let sides = [Side::random(7_300, 3, 0.0, 1), Side::random(6_900, 3, 0.0, 2)];
+    let sides = [RandomCloud::random(7_300, 3, 0.0, 1), RandomCloud::random(6_900, 3, 0.0, 2)];
     let weights = random(7_300, 3);
     let connection = connect(&sides, [Some(&weights), None]);
     let moments = |tolerance| {
@@ -150,14 +150,14 @@ fn in_every_method_equal_weights_change_nothing_and_others_do() {
         let plain = register(name, &clouds);
         for weight in [1.0, 7.0] {
             let found = register(name, &clouds.clone().map(|cloud| weighed(&cloud, |_| weight)));
-            let off = poses_differ_by(&plain, &found);
+            let off = pose_difference(&plain, &found);
             assert!(off < 1e-4, "{name} {weight}: {off:e}");
         }
         let half = clouds.clone().map(|cloud| {
             let right: Vec<bool> = cloud.positions().map(|p| p[0] > 0.0).collect();
             weighed(&cloud, |i| if right[i] { 10.0 } else { 1.0 })
         });
-        let off = poses_differ_by(&plain, &register(name, &half));
+        let off = pose_difference(&plain, &register(name, &half));
         if name == "teaser" {
             assert_eq!(off, 0.0, "a match is consistent or not");
         } else {
@@ -176,7 +176,7 @@ fn by_position_weight_nothing_is_not_there() {
     for name in BY_POSITION {
         let zero = register(name, &[some(&clouds[0]), some(&clouds[1])]);
         let gone = register(name, &[left(&clouds[0]), left(&clouds[1])]);
-        let off = poses_differ_by(&zero, &gone);
+        let off = pose_difference(&zero, &gone);
         assert!(off < 1e-5, "{name}: {off:e}");
     }
     let nothing = some(&clouds[0]).select(&[0, 3, 6, 9]);
@@ -198,9 +198,9 @@ fn a_source_point_of_weight_two_is_two_pairs_of_icp() {
     let icp = Icp { metric: Metric::Point, bandwidth: Some(0.1), weights, ..Icp::default() };
     let icp = Icp { max_iterations: 5, ..icp };
     let refine = |cloud: &PointCloud| icp.refine(cloud, &target, &Transform::IDENTITY).unwrap();
-    let off = poses_differ_by(&refine(&doubled).transform, &refine(&heavy).transform);
+    let off = pose_difference(&refine(&doubled).transform, &refine(&heavy).transform);
     assert!(off < 1e-9, "{off:e}");
-    let off = poses_differ_by(&refine(&source).transform, &refine(&heavy).transform);
+    let off = pose_difference(&refine(&source).transform, &refine(&heavy).transform);
     assert!(off > 1e-5, "{off:e}");
 }
 

@@ -307,7 +307,7 @@ fn a_tolerance_moves_the_answer_by_less_than_itself() {
     let dense = cf().register(&source, &target).unwrap();
     let tolerant = Cf { tolerance: 1e-3, ..cf() }.register(&source, &target).unwrap();
     assert_ne!(dense.moments, tolerant.moments);
-    assert!(compare::poses_differ_by(&dense.transform, &tolerant.transform) < 1e-3);
+    assert!(compare::pose_difference(&dense.transform, &tolerant.transform) < 1e-3);
     assert_eq!(tolerant.method.settings["tolerance"], 1e-3);
     for tolerance in [-1e-9, 1.0, f64::NAN] {
         let refused = Cf { tolerance, ..cf() }.register(&source, &target);

@@ -7,7 +7,7 @@ use cfreg::method::{Register, Registration, Teaser};
 use cfreg::search::Neighborhood;
 use cfreg::verify::{Warning, pose_error};
 use cfreg::{Error, PointCloud, Transform, math};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -114,7 +114,7 @@ fn matches_may_repeat_but_must_be_there_and_span_a_plane() {
     let twice = Matched { pairs: problem.pairs.repeat(2), ..matched(60, 30, 1.0, 1) };
     let found = twice.solve(&exact());
     assert_eq!(found.effective_connections, 2.0 * once.effective_connections);
-    assert!(poses_differ_by(&found.transform, &once.transform) < 2e-3);
+    assert!(pose_difference(&found.transform, &once.transform) < 2e-3);
     let (source, target) = (&problem.source, &problem.target);
     let solve = |pairs: &[(u32, u32)]| exact().register_correspondences(source, target, pairs);
     for pairs in [&[(0, 0), (1, 1), (60, 2)], &[(0, 0), (1, 1), (2, 60)]] {
@@ -175,7 +175,7 @@ fn given_matches_follow_motion_unit_order_and_a_map_offset() {
     shuffled.shuffle(&mut ChaCha8Rng::seed_from_u64(1));
     let found =
         exact().register_correspondences(&problem.source, &problem.target, &shuffled).unwrap();
-    assert!(poses_differ_by(&found.transform, &still) < 1e-9);
+    assert!(pose_difference(&found.transform, &still) < 1e-9);
 }
 
 fn turned(a: &Transform, b: &Transform) -> f64 {

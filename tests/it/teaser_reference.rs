@@ -5,7 +5,7 @@ use crate::common;
 use cfreg::math::{self, Mat3, Vec3};
 use cfreg::method::Teaser;
 use cfreg::{PointCloud, Transform};
-use common::compare::poses_differ_by;
+use common::compare::pose_difference;
 use common::golden::read;
 use serde::Deserialize;
 
@@ -67,7 +67,7 @@ fn every_round_is_that_of_the_reference() {
         for (step, round) in found.trace.iter().zip(&expected.rounds) {
             let Round { rotation, translation, cost, weight } = *round;
             let want = Transform { rotation, translation, scale: expected.scale };
-            let apart = poses_differ_by(&step.transform, &want);
+            let apart = pose_difference(&step.transform, &want);
             assert!(apart < ROUNDED, "{name}, round {}: {apart}", step.iteration);
             assert!((step.objective / cost - 1.0).abs() < COST, "{name}: {}", step.objective);
             assert!((step.weight / weight - 1.0).abs() < COST, "{name}: {}", step.weight);

@@ -7,18 +7,21 @@ use cfreg::moments::{FeatureView, FullConnection, Moments, naive};
 use cfreg::pose::{self, RANK_TOLERANCE, ScaleEstimate, Solver};
 use cfreg::weight::{Bandwidth, Cauchy, Gaussian, Normalization, TruncatedQuadratic, Uniform};
 use cfreg::{Descriptors, Error, math};
-use common::compare::moments_differ_by;
-use common::sides::{NORMALIZATIONS, Side, beta};
+use common::compare::moments_difference;
+use common::sides::{NORMALIZATIONS, RandomCloud, bandwidth_for};
 use proptest::prelude::*;
 
 const DIM: usize = 8;
 
-fn connect(source: &Side, target: &Side) -> FullConnection {
-    FullConnection::new(source.described(), target.described()).unwrap()
+fn connect(source: &RandomCloud, target: &RandomCloud) -> FullConnection {
+    FullConnection::new(source.feature_view(), target.feature_view()).unwrap()
 }
 
 fn connection(source: usize, target: usize, seed: u64) -> FullConnection {
-    connect(&Side::random(source, DIM, 0.0, seed), &Side::random(target, DIM, 0.0, !seed))
+    connect(
+        &RandomCloud::random(source, DIM, 0.0, seed),
+        &RandomCloud::random(target, DIM, 0.0, !seed),
+    )
 }
 
 // --- Kernels of one's own ------------------------------------------------------------
@@ -26,7 +29,7 @@ fn connection(source: usize, target: usize, seed: u64) -> FullConnection {
 #[test]
 fn a_closure_is_as_good_as_a_kernel_of_the_catalogue() {
     let connection = connection(300, 700, 1);
-    let beta = beta(DIM) as f32;
+    let beta = bandwidth_for(DIM) as f32;
     let step = |d2: f32| if d2 <= beta { 1.0 } else { 0.0 };
     let cauchy = |d2: f32| 1.0 / (1.0 + d2 * (1.0 / beta));
     let exp = |d2: f32| (-d2 / beta).exp();
@@ -38,15 +41,15 @@ fn a_closure_is_as_good_as_a_kernel_of_the_catalogue() {
         assert_eq!(of(connection.moments(&cauchy, normalization)), catalogue, "{normalization}");
         // The catalogue's exponential is its own, good to 4e-7.
         let catalogue = of(connection.moments(&Gaussian { beta }, normalization));
-        let error = moments_differ_by(&catalogue, &of(connection.moments(&exp, normalization)));
+        let error = moments_difference(&catalogue, &of(connection.moments(&exp, normalization)));
         assert!(error < 4e-7, "{normalization}: {error:e}");
     }
 }
 
 #[test]
 fn one_bad_weight_is_reported_whatever_is_done_with_it() {
-    let mut source = Side::random(100, 1, 0.0, 1);
-    let target = Side::random(600, 1, 0.0, 2);
+    let mut source = RandomCloud::random(100, 1, 0.0, 1);
+    let target = RandomCloud::random(600, 1, 0.0, 2);
     let mut values = source.descriptors.as_slice().to_vec();
     values[77] = 100.0;
     source.descriptors = Descriptors::new(1, values).unwrap();
@@ -110,7 +113,7 @@ fn the_message_names_the_tolerance_that_was_missed() {
 // --- Bandwidths that follow from the descriptors --------------------------------------
 
 /// Least squared distance from each row of `from` to any of `to`, by a double loop in f64.
-fn least(from: &Side, to: &Side) -> Vec<f64> {
+fn least(from: &RandomCloud, to: &RandomCloud) -> Vec<f64> {
     let d2 = |a: &[f32], b: &[f32]| -> f64 {
         a.iter().zip(b).map(|(x, y)| (f64::from(*x) - f64::from(*y)).powi(2)).sum()
     };
@@ -120,7 +123,8 @@ fn least(from: &Side, to: &Side) -> Vec<f64> {
 
 #[test]
 fn an_automatic_bandwidth_is_a_share_of_the_median_least_distance_both_ways() {
-    let (source, target) = (Side::random(300, DIM, 0.0, 1), Side::random(701, DIM, 0.0, 2));
+    let (source, target) =
+        (RandomCloud::random(300, DIM, 0.0, 1), RandomCloud::random(701, DIM, 0.0, 2));
     let mut all = [least(&source, &target), least(&target, &source)].concat();
     all.sort_by(f64::total_cmp);
     for share in [0.1, 0.25, 3.0] {
@@ -134,14 +138,14 @@ fn an_automatic_bandwidth_is_a_share_of_the_median_least_distance_both_ways() {
 
 #[test]
 fn an_automatic_bandwidth_stays_above_the_rounding_of_distances() {
-    let side = Side::random(200, DIM, 0.0, 3);
+    let side = RandomCloud::random(200, DIM, 0.0, 3);
     let connection = connect(&side, &side);
     let found = connection.bandwidth(Bandwidth::Auto(0.25)).unwrap();
     // Rows are drawn with a variance of 1/12 or 1 in each dimension; the same rows are 0 apart.
     assert!((1e-4..1e-1).contains(&found), "{found}");
     let moments = connection.moments(&Gaussian { beta: found as f32 }, Normalization::Both);
     assert!((moments.unwrap().weight / 200.0 - 1.0).abs() < 1e-2);
-    let flat = Side { descriptors: Descriptors::new(1, vec![5.0; 200]).unwrap(), ..side };
+    let flat = RandomCloud { descriptors: Descriptors::new(1, vec![5.0; 200]).unwrap(), ..side };
     let least = connect(&flat, &flat).bandwidth(Bandwidth::Auto(0.25)).unwrap();
     assert!(least > 0.0 && least < 1e-9, "{least}");
     let refused = connection.bandwidth(Bandwidth::Auto(f64::NAN));
@@ -156,27 +160,27 @@ proptest! {
     /// If every source weighs one, sums that only know the source are those of its points.
     #[test]
     fn under_source_every_source_speaks_with_one_voice(n in 1..200usize, m in 1..600usize, seed: u64) {
-        let source = Side::random(n, DIM, 0.0, seed);
-        let connection = connect(&source, &Side::random(m, DIM, 0.0, !seed));
-        let kernel = Gaussian { beta: beta(DIM) as f32 };
+        let source = RandomCloud::random(n, DIM, 0.0, seed);
+        let connection = connect(&source, &RandomCloud::random(m, DIM, 0.0, !seed));
+        let kernel = Gaussian { beta: bandwidth_for(DIM) as f32 };
         let moments = connection.moments(&kernel, Normalization::Source).unwrap();
         assert_voices(&moments, &source, n as f64);
     }
 
     #[test]
     fn under_target_every_target_speaks_with_one_voice(n in 1..200usize, m in 1..600usize, seed: u64) {
-        let target = Side::random(m, DIM, 0.0, !seed);
-        let connection = connect(&Side::random(n, DIM, 0.0, seed), &target);
-        let kernel = Gaussian { beta: beta(DIM) as f32 };
+        let target = RandomCloud::random(m, DIM, 0.0, !seed);
+        let connection = connect(&RandomCloud::random(n, DIM, 0.0, seed), &target);
+        let kernel = Gaussian { beta: bandwidth_for(DIM) as f32 };
         let moments = connection.moments(&kernel, Normalization::Target).unwrap();
         assert_voices(&moments.swapped(), &target, m as f64);
     }
 
     #[test]
     fn under_sinkhorn_both_sides_speak_with_equal_voices(n in 1..200usize, m in 1..600usize, seed: u64) {
-        let (source, target) = (Side::random(n, DIM, 0.0, seed), Side::random(m, DIM, 0.0, !seed));
+        let (source, target) = (RandomCloud::random(n, DIM, 0.0, seed), RandomCloud::random(m, DIM, 0.0, !seed));
         let connection = connect(&source, &target);
-        let kernel = Gaussian { beta: beta(DIM) as f32 };
+        let kernel = Gaussian { beta: bandwidth_for(DIM) as f32 };
         let one = connection.moments(&kernel, Normalization::Sinkhorn(1)).unwrap();
         // It ends on the columns; the rows take a few rounds.
         assert_voices(&one.swapped(), &target, 1.0);
@@ -188,7 +192,7 @@ proptest! {
 
 /// Whether all points of the source side have the same share of `weight`, as far as
 /// moments tell.
-fn assert_voices(moments: &Moments, side: &Side, weight: f64) {
+fn assert_voices(moments: &Moments, side: &RandomCloud, weight: f64) {
     let share = weight / side.points.len() as f64;
     let mut points = Moments::about(side.origin, side.origin);
     side.points.iter().map(|p| p.map(f64::from)).for_each(|p| points.add_pair(share, p, p));
@@ -209,7 +213,10 @@ fn tiny_weights_get_their_due_under_every_normalisation() {
     let crowd = |at: f32| (0..40).map(move |i| at + (i % 5) as f32 * 0.1);
     let side = |outlier: f32, seed| {
         let values = crowd(0.0).chain([outlier]).collect();
-        Side { descriptors: Descriptors::new(1, values).unwrap(), ..Side::random(41, 1, 0.0, seed) }
+        RandomCloud {
+            descriptors: Descriptors::new(1, values).unwrap(),
+            ..RandomCloud::random(41, 1, 0.0, seed)
+        }
     };
     // 100 away from the crowd, `far` from each other.
     let (source, target) = (side(100.0, 1), side(100.0 + far, 2));
@@ -217,8 +224,9 @@ fn tiny_weights_get_their_due_under_every_normalisation() {
     let weight = |d2: f64| (-d2 / f64::from(beta)).exp();
     for normalization in NORMALIZATIONS {
         let fused = connection.moments(&Gaussian { beta }, normalization).unwrap();
-        let exact = naive::moments(source.described(), target.described(), weight, normalization);
-        let error = moments_differ_by(&exact, &fused);
+        let exact =
+            naive::moments(source.feature_view(), target.feature_view(), weight, normalization);
+        let error = moments_difference(&exact, &fused);
         assert!(error < 1e-6, "{normalization}: {error:e}");
     }
     let dual = connection.moments(&Gaussian { beta }, Normalization::Both).unwrap();
@@ -249,18 +257,19 @@ fn the_effective_number_of_connections_has_no_unit() {
 
 #[test]
 fn sides_that_do_not_fit_are_refused() {
-    let side = Side::random(5, DIM, 0.0, 1);
-    let described = side.described();
+    let side = RandomCloud::random(5, DIM, 0.0, 1);
+    let described = side.feature_view();
     let refused = |source, target| FullConnection::new(source, target).err().unwrap();
-    let narrow = Side::random(5, 7, 0.0, 1);
-    let found = refused(described, narrow.described());
+    let narrow = RandomCloud::random(5, 7, 0.0, 1);
+    let found = refused(described, narrow.feature_view());
     assert!(matches!(found, Error::Shape { expected: DIM, found: 7, .. }), "{found}");
     let short = FeatureView { points: &side.points[1..], ..described };
     for found in [refused(short, described), refused(described, short)] {
         assert!(matches!(found, Error::Shape { expected: 4, found: 5, .. }), "{found}");
     }
     let none = side.select(&[]);
-    for found in [refused(none.described(), described), refused(described, none.described())] {
+    for found in [refused(none.feature_view(), described), refused(described, none.feature_view())]
+    {
         assert!(matches!(found, Error::TooFewPoints { found: 0, needed: 1, .. }), "{found}");
     }
     let huge = Descriptors::new(DIM, [0.0, 0.0, 1e19, 0.0, 0.0].repeat(DIM)).unwrap();

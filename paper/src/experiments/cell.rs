@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::protocol::{Protocol, Viewpoint};
+use super::super::protocol::{NormalViewpoint, Protocol};
 use super::variation::Variation;
 use crate::Motion;
 use cfreg::method::{Cf, Cfk, Cpd, Dare, Icp, Method, Teaser};
@@ -139,10 +139,10 @@ impl Interpretation {
         [Interpretation::Written, Interpretation::Fitting, Interpretation::Points];
 
     /// Where normals look.
-    pub fn viewpoint(self) -> Viewpoint {
+    pub fn viewpoint(self) -> NormalViewpoint {
         match self {
-            Interpretation::Written => Viewpoint::Origin,
-            Interpretation::Fitting | Interpretation::Points => Viewpoint::Along,
+            Interpretation::Written => NormalViewpoint::Origin,
+            Interpretation::Fitting | Interpretation::Points => NormalViewpoint::Along,
         }
     }
 
@@ -167,7 +167,7 @@ impl fmt::Display for Interpretation {
 
 /// Some trials of one contender.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Cell {
+pub struct ExperimentCell {
     /// The test.
     pub test: Test,
     /// How it is read.
@@ -187,7 +187,7 @@ pub struct Cell {
     pub variation: Option<Variation>,
 }
 
-impl Cell {
+impl ExperimentCell {
     /// The contender's method, as varied.
     pub fn method(&self) -> Method {
         let method = self.contender.method();
@@ -198,7 +198,7 @@ impl Cell {
     }
 
     /// Where normals look.
-    pub fn viewpoint(&self) -> Viewpoint {
+    pub fn viewpoint(&self) -> NormalViewpoint {
         let viewpoint = self.reading.viewpoint();
         self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
     }
@@ -248,13 +248,13 @@ impl Cell {
 
 /// All cells of the paper's tables and curves: `trials` in the tables and `noisy` a level of
 /// noise, of which there are `levels` up to 0.02.
-pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<Cell> {
+pub fn cells(trials: usize, noisy: usize, levels: u32) -> Vec<ExperimentCell> {
     let mut cells = Vec::new();
     let mut add = |test, reading, shape, noise, trials| {
         for motion in Motion::ALL {
             for contender in Contender::ALL {
                 let variation = None;
-                cells.push(Cell {
+                cells.push(ExperimentCell {
                     test,
                     reading,
                     shape,
@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn every_cell_has_a_name_of_its_own() {
         let cells = cells(100, 30, 10);
-        let mut names: Vec<String> = cells.iter().map(Cell::name).collect();
+        let mut names: Vec<String> = cells.iter().map(ExperimentCell::name).collect();
         names.sort();
         names.dedup();
         assert_eq!(names.len(), cells.len());

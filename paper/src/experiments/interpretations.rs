@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
-use super::cell::{Cell, Contender, Interpretation, Shape, Test};
-use super::printed::printed;
-use super::tables::{Entry, Results, few, measure, shown};
+use super::cell::{Contender, ExperimentCell, Interpretation, Shape, Test};
+use super::printed::printed_value;
+use super::tables::{PaperEntry, Results, format_entry, measure, sample_size_note};
 use super::variation::Variation;
-use crate::protocol::Viewpoint;
-use crate::{Motion, Spread};
+use crate::protocol::NormalViewpoint;
+use crate::{MeanStd, Motion};
 use cfreg::keypoint::Sift;
 
 /// Where the range scans were made from, in their frame: in front, along z, metres.
@@ -16,44 +16,45 @@ const SENSOR: [f64; 3] = [0.0, 0.1, 1.0];
 /// A question, and the answers to it.
 struct Topic {
     title: &'static str,
-    columns: Vec<Column>,
-    rows: Vec<Row>,
+    columns: Vec<ComparisonColumn>,
+    rows: Vec<ComparisonRow>,
 }
 
 #[derive(Clone, Copy)]
-struct Column {
+struct ComparisonColumn {
     test: Test,
     shape: Shape,
     motion: Motion,
     noise: u32,
 }
 
-struct Row {
+struct ComparisonRow {
     label: String,
     contender: Contender,
     reading: Interpretation,
     variation: Variation,
 }
 
-impl Row {
-    fn cell(&self, column: Column, trials: usize) -> Cell {
-        let Row { contender, reading, variation, .. } = *self;
-        let Column { test, shape, motion, noise } = column;
+impl ComparisonRow {
+    fn cell(&self, column: ComparisonColumn, trials: usize) -> ExperimentCell {
+        let ComparisonRow { contender, reading, variation, .. } = *self;
+        let ComparisonColumn { test, shape, motion, noise } = column;
         let variation = Some(variation);
-        Cell { test, reading, shape, motion, contender, noise, trials, variation }
+        ExperimentCell { test, reading, shape, motion, contender, noise, trials, variation }
     }
 }
 
 /// All cells of the table: `trials` each; in `smoke` the first two
 /// rows of every topic, on the bunny, moved far.
-pub fn cells(trials: usize, smoke: bool) -> Vec<Cell> {
+pub fn cells(trials: usize, smoke: bool) -> Vec<ExperimentCell> {
     let mut cells = Vec::new();
     for Topic { columns, rows, .. } in topics() {
         let (rows, columns) = match smoke {
             true => (&rows[..2], &columns[1..2]),
             false => (&rows[..], &columns[..]),
         };
-        let of = |row: &Row| columns.iter().map(|&c| row.cell(c, trials)).collect::<Vec<_>>();
+        let of =
+            |row: &ComparisonRow| columns.iter().map(|&c| row.cell(c, trials)).collect::<Vec<_>>();
         cells.extend(rows.iter().flat_map(of));
     }
     cells
@@ -61,26 +62,26 @@ pub fn cells(trials: usize, smoke: bool) -> Vec<Cell> {
 
 /// The table as Markdown, of what there are results of.
 pub fn markdown(results: &Results) -> String {
-    let all: Vec<&Cell> =
+    let all: Vec<&ExperimentCell> =
         results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_some()).collect();
     let trials = all.iter().map(|cell| cell.trials).max().unwrap_or(0);
-    let mut text = format!("{LEGEND}\n{trials} trials a cell{}.\n", few(trials));
+    let mut text = format!("{LEGEND}\n{trials} trials a cell{}.\n", sample_size_note(trials));
     for Topic { title, columns, rows } in topics() {
         let counted = rows.iter().any(|row| row.contender == Contender::Cfk);
-        let mut head: Vec<String> = columns.iter().map(|&column| named(column)).collect();
+        let mut head: Vec<String> = columns.iter().map(|&column| column_name(column)).collect();
         head.extend(counted.then(|| "points described".to_string()));
         let _ = writeln!(text, "\n## {title}\n\n| | {} |", head.join(" | "));
         let _ = writeln!(text, "|---|{}", "---|".repeat(head.len()));
         for row in &rows {
             let mut cells: Vec<String> = columns.iter().map(|&c| entry(results, row, c)).collect();
-            cells.extend(counted.then(|| described(results, row, &columns)));
+            cells.extend(counted.then(|| describe_counts(results, row, &columns)));
             let _ = writeln!(text, "| {} | {} |", row.label, cells.join(" | "));
         }
     }
     text
 }
 
-fn named(Column { test, shape, motion, noise }: Column) -> String {
+fn column_name(ComparisonColumn { test, shape, motion, noise }: ComparisonColumn) -> String {
     match test {
         Test::Robustness => format!("I, {motion}"),
         Test::Accuracy => format!("II, {shape}, {motion}"),
@@ -88,37 +89,42 @@ fn named(Column { test, shape, motion, noise }: Column) -> String {
     }
 }
 
-fn entry(results: &Results, row: &Row, column: Column) -> String {
+fn entry(results: &Results, row: &ComparisonRow, column: ComparisonColumn) -> String {
     let Some((_, trials)) = results.get(&row.cell(column, 0).name()) else {
         return "not run".into();
     };
-    let entry = Entry {
-        printed: printed(column.test, row.contender, column.shape, column.motion),
+    let entry = PaperEntry {
+        printed: printed_value(column.test, row.contender, column.shape, column.motion),
         ours: trials.spread(measure(column.test)),
         failures: trials.failures(),
     };
-    shown(&entry, " ± ")
+    format_entry(&entry, " ± ")
 }
 
 /// Mean number of points that were described, over all trials of a row.
-fn described(results: &Results, row: &Row, columns: &[Column]) -> String {
-    let of = |&column: &Column| results.get(&row.cell(column, 0).name());
+fn describe_counts(results: &Results, row: &ComparisonRow, columns: &[ComparisonColumn]) -> String {
+    let of = |&column: &ComparisonColumn| results.get(&row.cell(column, 0).name());
     let records = columns.iter().filter_map(of).flat_map(|(_, trials)| &trials.records);
     let counts: Vec<f64> = records.filter_map(|record| record.described).map(f64::from).collect();
-    Spread::of(&counts).map_or("not run".into(), |spread| format!("{:.0}", spread.mean))
+    MeanStd::from_values(&counts).map_or("not run".into(), |spread| format!("{:.0}", spread.mean))
 }
 
 fn topics() -> Vec<Topic> {
     let robustness =
-        |motion| Column { test: Test::Robustness, shape: Shape::Bunny, motion, noise: 0 };
-    let accuracy = |shape, motion| Column { test: Test::Accuracy, shape, motion, noise: 0 };
+        |motion| ComparisonColumn { test: Test::Robustness, shape: Shape::Bunny, motion, noise: 0 };
+    let accuracy =
+        |shape, motion| ComparisonColumn { test: Test::Accuracy, shape, motion, noise: 0 };
     let outliers = Motion::ALL.map(robustness).to_vec();
     let mut both = outliers.clone();
     for motion in Motion::ALL {
         both.extend(Shape::ALL.map(|shape| accuracy(shape, motion)));
     }
-    let row =
-        |label: String, contender, reading, variation| Row { label, contender, reading, variation };
+    let row = |label: String, contender, reading, variation| ComparisonRow {
+        label,
+        contender,
+        reading,
+        variation,
+    };
     let fitting = |label: &str, contender, variation| {
         row(label.to_string(), contender, Interpretation::Fitting, variation)
     };
@@ -161,10 +167,10 @@ fn topics() -> Vec<Topic> {
             fitting(&format!("{contender}, {label}"), contender, Variation::Viewpoint(viewpoint))
         };
         [
-            look("the frame's origin, which stays", Viewpoint::Origin),
-            look("the frame's origin, which moves along", Viewpoint::Along),
-            look("the centroid", Viewpoint::Centroid),
-            look("the sensor, one metre in front", Viewpoint::At(SENSOR)),
+            look("the frame's origin, which stays", NormalViewpoint::Origin),
+            look("the frame's origin, which moves along", NormalViewpoint::Along),
+            look("the centroid", NormalViewpoint::Centroid),
+            look("the sensor, one metre in front", NormalViewpoint::At(SENSOR)),
         ]
     });
 
@@ -196,8 +202,12 @@ fn topics() -> Vec<Topic> {
     });
 
     let levels = [20, 100, 200].into_iter().flat_map(|noise| {
-        let of =
-            move |motion| Column { test: Test::Sensitivity, shape: Shape::Bunny, motion, noise };
+        let of = move |motion| ComparisonColumn {
+            test: Test::Sensitivity,
+            shape: Shape::Bunny,
+            motion,
+            noise,
+        };
         Motion::ALL.map(of)
     });
     // Without DARE, which describes nothing and takes longest.
@@ -210,7 +220,11 @@ fn topics() -> Vec<Topic> {
         )
     });
 
-    let topic = |title, columns: &[Column], rows| Topic { title, columns: columns.to_vec(), rows };
+    let topic = |title, columns: &[ComparisonColumn], rows| Topic {
+        title,
+        columns: columns.to_vec(),
+        rows,
+    };
     vec![
         topic("TEASER's noise bound", &both, bounds.into_iter().map(bound).collect()),
         topic(
@@ -245,7 +259,7 @@ mod tests {
 
     #[test]
     fn every_cell_has_a_name_and_every_row_of_a_topic_is_another_choice() {
-        let names: BTreeSet<String> = cells(30, false).iter().map(Cell::name).collect();
+        let names: BTreeSet<String> = cells(30, false).iter().map(ExperimentCell::name).collect();
         assert_eq!(names.len(), cells(30, false).len());
         for topic in topics() {
             let choices: Vec<_> = topic

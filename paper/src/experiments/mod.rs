@@ -3,7 +3,7 @@
 
 pub mod cell;
 pub mod interpretations;
-mod lecture;
+mod lecture_hall;
 pub mod models;
 pub mod pairs;
 mod pictures;
@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 pub use record::{Record, Trials};
 
-use self::cell::{Cell, Interpretation, Shape, Test};
+use self::cell::{ExperimentCell, Interpretation, Shape, Test};
 use self::models::Source;
 use self::tables::Results;
 use crate::files;
@@ -25,7 +25,7 @@ use cfreg::error::{Error, Result};
 
 /// What is run, and where it goes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct ExperimentOptions {
     /// Folder of the scans ([`models::load`]).
     pub data: PathBuf,
     /// Folder of the results; made if it is not there. Trials that are in it already, made by
@@ -34,30 +34,30 @@ pub struct Options {
     /// A few trials only, in a minute.
     pub smoke: bool,
     /// This part alone.
-    pub only: Option<Part>,
+    pub only: Option<ExperimentPart>,
 }
 
 /// A part of the experiments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum ExperimentPart {
     /// A test of section IV, as the paper has it.
     Test(Test),
     /// The tests by each choice that the paper leaves ([`interpretations`]).
-    Readings,
+    Interpretations,
 }
 
-impl Part {
-    fn has(self, cell: &Cell) -> bool {
+impl ExperimentPart {
+    fn includes(self, cell: &ExperimentCell) -> bool {
         match self {
-            Part::Test(test) => cell.variation.is_none() && cell.test == test,
-            Part::Readings => cell.variation.is_some(),
+            ExperimentPart::Test(test) => cell.variation.is_none() && cell.test == test,
+            ExperimentPart::Interpretations => cell.variation.is_some(),
         }
     }
 }
 
 /// What came of the experiments.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
+pub struct ExperimentOutcome {
     /// All trials.
     pub results: Results,
     /// A line for each model that was not there, and so was left out: which, and how to get it.
@@ -76,13 +76,16 @@ fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
 /// # Errors
 /// [`Error::Io`] when there is no model at all or a folder cannot be written, those of the
 /// readers. Nothing is written before the models are read.
-pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Outcome> {
+pub fn run(
+    options: &ExperimentOptions,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<ExperimentOutcome> {
     let (trials, noisy, varied, levels) = sizes(options.smoke);
     let mut cells = cell::cells(trials, noisy, levels);
     cells.extend(interpretations::cells(varied, options.smoke));
     let (sources, left_out) = load(options, &cells)?;
     cells.retain(|cell| sources.contains_key(&cell.model()));
-    let wanted = |cell: &Cell| options.only.is_none_or(|part| part.has(cell));
+    let wanted = |cell: &ExperimentCell| options.only.is_none_or(|part| part.includes(cell));
 
     let folder = options.output.join("trials");
     std::fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
@@ -106,22 +109,22 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
     progress(cells.len(), cells.len());
     let write =
         |name: &str, text: String| files::write_bytes(&options.output.join(name), text.as_bytes());
-    if options.only.is_none_or(|part| part == Part::Readings) {
+    if options.only.is_none_or(|part| part == ExperimentPart::Interpretations) {
         write("readings.md", interpretations::markdown(&results))?;
     }
-    if options.only != Some(Part::Readings) {
+    if options.only != Some(ExperimentPart::Interpretations) {
         write("tables.md", tables::markdown(&results))?;
         write("tables.tex", tables::latex(&results))?;
         pictures::draw(&options.data, &options.output, &results, options.smoke)?;
     }
-    Ok(Outcome { results, left_out })
+    Ok(ExperimentOutcome { results, left_out })
 }
 
 type Sources = BTreeMap<(Shape, Interpretation, Option<u32>), Source>;
 
 /// The models that `cells` need, and a line for each that is not there.
-fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
-    let needed: BTreeSet<_> = cells.iter().map(Cell::model).collect();
+fn load(options: &ExperimentOptions, cells: &[ExperimentCell]) -> Result<(Sources, Vec<String>)> {
+    let needed: BTreeSet<_> = cells.iter().map(ExperimentCell::model).collect();
     let (mut sources, mut missing) = (Sources::new(), Vec::new());
     for key in needed {
         let (shape, reading, side) = key;
@@ -142,6 +145,6 @@ fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
     }
     // One line a shape: its readings miss the same.
     missing.dedup_by_key(|(shape, _)| *shape);
-    let lines = missing.iter().map(|(shape, error)| models::left_out(*shape, error));
+    let lines = missing.iter().map(|(shape, error)| models::missing_model_note(*shape, error));
     Ok((sources, lines.collect()))
 }

@@ -54,7 +54,7 @@ fn files(shape: Shape, reading: Interpretation) -> &'static [(&'static str, &'st
 }
 
 /// How a shape's files are had.
-fn advice(shape: Shape, reading: Interpretation) -> &'static str {
+fn download_hint(shape: Shape, reading: Interpretation) -> &'static str {
     match (shape, reading) {
         (Shape::Bunny, _) => {
             "no such scan; `python3 data/fetch.py bun000` fetches it into data/scans, --data names \
@@ -82,7 +82,7 @@ fn advice(shape: Shape, reading: Interpretation) -> &'static str {
 /// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
 /// [`io::read_mesh`].
 pub fn load(folder: &Path, shape: Shape, reading: Interpretation) -> Result<Source> {
-    from(folder, files(shape, reading), reading, 0, advice(shape, reading))
+    load_first(folder, files(shape, reading), reading, 0, download_hint(shape, reading))
 }
 
 /// What a sensor at `degrees` about the upright axis sees of the Armadillo's mesh, by area;
@@ -93,11 +93,11 @@ pub fn load(folder: &Path, shape: Shape, reading: Interpretation) -> Result<Sour
 pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
     let (shape, reading) = (Shape::Armadillo, Interpretation::Fitting);
     let meshes = &files(shape, reading)[1..];
-    from(folder, meshes, reading, degrees, advice(shape, reading))
+    load_first(folder, meshes, reading, degrees, download_hint(shape, reading))
 }
 
 /// The first of `files` that is there.
-fn from(
+fn load_first(
     folder: &Path,
     files: &[(&str, &str, Form)],
     reading: Interpretation,
@@ -122,7 +122,7 @@ fn from(
             "the points of a scan simulated from the mesh stand in for ArmadilloStand_180".into(),
         ),
         Form::Armadillo => (
-            Model::from(seen_side(io::read_mesh(&path)?, degrees)?),
+            Model::from(visible_side(io::read_mesh(&path)?, degrees)?),
             format!(
                 "what a sensor at {}° sees of the mesh, by area, stands in for ArmadilloStand_180",
                 (180 + degrees) % 360
@@ -158,7 +158,7 @@ pub fn is_missing(error: &Error) -> bool {
 }
 
 /// A line for people: which shape is missing, and how to get it.
-pub fn left_out(shape: Shape, error: &Error) -> String {
+pub fn missing_model_note(shape: Shape, error: &Error) -> String {
     format!("{shape} left out: {error}")
 }
 
@@ -176,7 +176,7 @@ pub(super) fn sensor(degrees: u32) -> [f64; 3] {
 /// What a sensor far off sees of the Armadillo. In metres, about the middle of the bounding
 /// box, turned so that the front, 180° by the scans' convention and −z of the mesh's frame,
 /// is towards z.
-fn seen_side(mut mesh: Mesh, degrees: u32) -> Result<Mesh> {
+fn visible_side(mut mesh: Mesh, degrees: u32) -> Result<Mesh> {
     let along = |axis: usize| mesh.vertices.iter().map(move |vertex| vertex[axis]);
     let middle = [0, 1, 2].map(|axis| {
         let (low, high) = (

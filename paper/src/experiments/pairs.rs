@@ -7,8 +7,8 @@
 
 use std::path::Path;
 
-use super::cell::{self, Cell, Contender, Interpretation, Test};
-use super::{Options, record};
+use super::cell::{self, Contender, ExperimentCell, Interpretation, Test};
+use super::{ExperimentOptions, record};
 use crate::Model;
 use crate::files;
 use crate::protocol::Trial;
@@ -20,16 +20,16 @@ use cfreg::error::{Error, Result};
 ///
 /// # Errors
 /// [`Error::Io`] for missing scans or a folder that cannot be written, those of the readers.
-pub fn write(options: &Options, folder: &Path) -> Result<Vec<String>> {
-    let wanted = |cell: &Cell| {
+pub fn write(options: &ExperimentOptions, folder: &Path) -> Result<Vec<String>> {
+    let wanted = |cell: &ExperimentCell| {
         cell.reading == Interpretation::Fitting
             && cell.test != Test::Sensitivity
-            && options.only.is_none_or(|part| part.has(cell))
+            && options.only.is_none_or(|part| part.includes(cell))
             // The pairs do not depend on who registers them.
             && cell.contender == Contender::Cf
     };
     let (trials, ..) = super::sizes(options.smoke);
-    let cells: Vec<Cell> = cell::cells(trials, 0, 0).into_iter().filter(wanted).collect();
+    let cells: Vec<ExperimentCell> = cell::cells(trials, 0, 0).into_iter().filter(wanted).collect();
     let (sources, left_out) = super::load(options, &cells)?;
     for cell in &cells {
         if let Some(source) = sources.get(&cell.model()) {
@@ -39,7 +39,7 @@ pub fn write(options: &Options, folder: &Path) -> Result<Vec<String>> {
     Ok(left_out)
 }
 
-fn write_cell(cell: &Cell, model: &Model, folder: &Path) -> Result<()> {
+fn write_cell(cell: &ExperimentCell, model: &Model, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     let trials: Vec<Trial> =
         (0..cell.trials).map(|number| record::trial(cell, model, number)).collect::<Result<_>>()?;
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn files_hold_what_contenders_are_given() {
-        let cell = Cell {
+        let cell = ExperimentCell {
             test: Test::Robustness,
             reading: Interpretation::Fitting,
             shape: Shape::Bunny,

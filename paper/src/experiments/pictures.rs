@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::cell::{Cell, Contender, Interpretation, Shape, Test};
-use super::lecture;
+use super::cell::{Contender, ExperimentCell, Interpretation, Shape, Test};
+use super::lecture_hall;
 use super::models::{self, Source};
 use super::record::{POINTS, Record, SEED};
 use super::tables::Results;
@@ -15,7 +15,7 @@ use cfreg::figure::{Axes, Content, Curve, Dots, Figure, Panel};
 use cfreg::method::Register;
 
 /// Points of a picture of a model.
-const SHOWN: usize = 4000;
+const SHOWN_POINTS: usize = 4000;
 
 /// Writes every figure to `folder`; those of the lecture hall where its scans are.
 ///
@@ -31,14 +31,14 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
     if !curves.is_empty() {
         save("fig6-sensitivity", curves, 2, (560, 400))?;
     }
-    let points = if smoke { 1500 } else { lecture::POINTS };
-    if let Some(hall) = lecture::run(data, points)? {
-        save("fig10-lecture-hall", lecture::panels(&hall), 2, (560, 480))?;
-        lecture::write(&hall, &folder.join("lecture-hall.json"))?;
+    let points = if smoke { 1500 } else { lecture_hall::POINTS };
+    if let Some(hall) = lecture_hall::run(data, points)? {
+        save("fig10-lecture-hall", lecture_hall::panels(&hall), 2, (560, 480))?;
+        lecture_hall::write(&hall, &folder.join("lecture-hall.json"))?;
     }
-    let Some(bunny) = there(data, Shape::Bunny)? else { return Ok(()) };
+    let Some(bunny) = load_if_present(data, Shape::Bunny)? else { return Ok(()) };
     save("fig4-noise", noise(&bunny)?, 3, (360, 360))?;
-    let angles = by_angle(&bunny)?;
+    let angles = trials_by_angle(&bunny)?;
     let number = |at: usize| angles[at].1;
     for (name, motion, number) in [
         ("fig7-small", Motion::Small, 0),
@@ -51,7 +51,7 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
 }
 
 /// The model of `shape`, if it is there.
-fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
+fn load_if_present(data: &Path, shape: Shape) -> Result<Option<Source>> {
     match models::load(data, shape, Interpretation::Fitting) {
         Err(error) if models::is_missing(&error) => Ok(None),
         found => found.map(Some),
@@ -61,9 +61,12 @@ fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
 /// The models that are there.
 fn shapes(data: &Path) -> Result<Vec<Panel>> {
     let panel = |&shape: &Shape| {
-        let Some(Source { model, remark, .. }) = there(data, shape)? else { return Ok(None) };
+        let Some(Source { model, remark, .. }) = load_if_present(data, shape)? else {
+            return Ok(None);
+        };
         let stands_in = if remark.is_empty() { "" } else { " (a stand-in)" };
-        let content = Content::Points(vec![seen("", &model.sample(SHOWN, SEED)?)]);
+        let content =
+            Content::Points(vec![project_along_z("", &model.sample(SHOWN_POINTS, SEED)?)]);
         Ok(Some(Panel { title: format!("{shape}{stands_in}"), content }))
     };
     Shape::ALL.iter().filter_map(|shape| panel(shape).transpose()).collect()
@@ -74,7 +77,8 @@ fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
         for sigma in [0.002, 0.01, 0.02] {
-            let trial = Protocol::Sensitivity { sigma }.trial(&bunny.model, drawn(motion, 0))?;
+            let trial =
+                Protocol::Sensitivity { sigma }.trial(&bunny.model, trial_draw(motion, 0))?;
             let content = pair(&trial.target, &trial.source);
             panels.push(Panel { title: format!("{motion}, noise {sigma}"), content });
         }
@@ -87,7 +91,7 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
         for deviation in [false, true] {
-            let point = |(cell, trials): &(Cell, super::Trials)| {
+            let point = |(cell, trials): &(ExperimentCell, super::Trials)| {
                 let spread = trials.spread(|record: &Record| record.average_shift)?;
                 // One trial has no deviation.
                 if deviation && trials.records.len() < 2 {
@@ -97,7 +101,7 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
                 Some([1e-4 * f64::from(cell.noise), value])
             };
             let curve = |contender: Contender| {
-                let of = |cell: &Cell| {
+                let of = |cell: &ExperimentCell| {
                     cell.variation.is_none()
                         && (cell.test, cell.motion, cell.contender)
                             == (Test::Sensitivity, motion, contender)
@@ -147,34 +151,34 @@ fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>>
 
 fn robustness(bunny: &Source, motion: Motion, number: u64) -> Result<Trial> {
     let protocol = Protocol::Robustness { outliers: 100, radius: Interpretation::Fitting.radius() };
-    protocol.trial(&bunny.model, drawn(motion, number))
+    protocol.trial(&bunny.model, trial_draw(motion, number))
 }
 
 /// Trials among which the pictures' rotations are chosen.
-const CHOICE: u64 = 20;
+const CANDIDATE_TRIALS: u64 = 20;
 
 /// Large rotations and the numbers of their trials, the smallest first.
-fn by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
+fn trials_by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
     let angle = |number| {
         let truth = robustness(bunny, Motion::Large, number)?.truth;
         Ok((truth.angle(), number))
     };
-    let mut angles = (0..CHOICE).map(angle).collect::<Result<Vec<_>>>()?;
+    let mut angles = (0..CANDIDATE_TRIALS).map(angle).collect::<Result<Vec<_>>>()?;
     angles.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(angles)
 }
 
-fn drawn(motion: Motion, number: u64) -> Draw {
+fn trial_draw(motion: Motion, number: u64) -> Draw {
     let viewpoint = Interpretation::Fitting.viewpoint();
     Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
 }
 
 /// Both clouds, the source on top.
 pub(super) fn pair(target: &PointCloud, source: &PointCloud) -> Content {
-    Content::Points(vec![seen("target", target), seen("source", source)])
+    Content::Points(vec![project_along_z("target", target), project_along_z("source", source)])
 }
 
 /// The points as seen along z.
-fn seen(name: &str, cloud: &PointCloud) -> Dots {
+fn project_along_z(name: &str, cloud: &PointCloud) -> Dots {
     Dots { name: name.into(), points: cloud.positions().map(|[x, y, _]| [x, y]).collect() }
 }

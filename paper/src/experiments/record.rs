@@ -4,10 +4,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::cell::Cell;
+use super::cell::ExperimentCell;
 use super::models::Source;
 use crate::protocol::{Draw, REVISION, Trial};
-use crate::{Model, Spread, csv_cache};
+use crate::{MeanStd, Model, csv_cache};
 use cfreg::error::Result;
 use cfreg::method::{Method, Register};
 use cfreg::par;
@@ -45,7 +45,7 @@ pub struct Trials {
 /// All that the trials of a cell depend on: its first line in a file.
 #[derive(Serialize)]
 struct Configuration<'a> {
-    cell: Cell,
+    cell: ExperimentCell,
     points: usize,
     seed: u64,
     revision: u32,
@@ -58,7 +58,7 @@ struct Configuration<'a> {
 }
 
 impl<'a> Configuration<'a> {
-    fn of(cell: &Cell, source: &'a Source) -> Self {
+    fn new(cell: &ExperimentCell, source: &'a Source) -> Self {
         Configuration {
             cell: *cell,
             points: POINTS,
@@ -81,7 +81,7 @@ pub(super) const SEED: u64 = 2020;
 ///
 /// # Errors
 /// Those of [`Protocol::trial`](crate::protocol::Protocol::trial).
-pub(super) fn trial(cell: &Cell, model: &Model, number: usize) -> Result<Trial> {
+pub(super) fn trial(cell: &ExperimentCell, model: &Model, number: usize) -> Result<Trial> {
     let draw = Draw {
         motion: cell.motion,
         viewpoint: cell.viewpoint(),
@@ -102,7 +102,7 @@ impl Trials {
     /// # Errors
     /// Those of [`Protocol::trial`](crate::protocol::Protocol::trial); a trial
     /// without an answer is a record.
-    pub fn run(cell: &Cell, model: &Model) -> Result<Self> {
+    pub fn run(cell: &ExperimentCell, model: &Model) -> Result<Self> {
         let method = cell.method();
         let one = |number: usize| {
             let trial = trial(cell, model, number)?;
@@ -145,21 +145,21 @@ impl Trials {
     ///
     /// # Errors
     /// [`Error::Io`](cfreg::Error::Io).
-    pub fn write(&self, cell: &Cell, source: &Source, path: &Path) -> Result<()> {
-        csv_cache::write(path, &Configuration::of(cell, source), &self.records)
+    pub fn write(&self, cell: &ExperimentCell, source: &Source, path: &Path) -> Result<()> {
+        csv_cache::write(path, &Configuration::new(cell, source), &self.records)
     }
 
     /// Reads what [`write`](Self::write) wrote, if it is there, whole and of this very cell.
-    pub fn read(cell: &Cell, source: &Source, path: &Path) -> Option<Self> {
-        let records = csv_cache::read(path, &Configuration::of(cell, source))?;
+    pub fn read(cell: &ExperimentCell, source: &Source, path: &Path) -> Option<Self> {
+        let records = csv_cache::read(path, &Configuration::new(cell, source))?;
         Some(Trials { records })
     }
 
     /// Mean and standard deviation of `measure` over the trials that gave an answer; `None`
     /// where none did.
-    pub fn spread(&self, measure: impl Fn(&Record) -> Option<f64>) -> Option<Spread> {
+    pub fn spread(&self, measure: impl Fn(&Record) -> Option<f64>) -> Option<MeanStd> {
         let values: Vec<f64> = self.records.iter().filter_map(measure).collect();
-        Spread::of(&values)
+        MeanStd::from_values(&values)
     }
 
     /// Trials without an answer.
@@ -175,8 +175,8 @@ mod tests {
     use crate::Motion;
     use cfreg::cloud::shape::boulder;
 
-    fn cell(trials: usize) -> Cell {
-        Cell {
+    fn cell(trials: usize) -> ExperimentCell {
+        ExperimentCell {
             test: Test::Accuracy,
             reading: Interpretation::Fitting,
             shape: Shape::Bunny,
@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(trials, Trials::run(&cell(3), &own.model).unwrap());
         trials.write(&cell(3), &own, &path).unwrap();
         assert_eq!(Trials::read(&cell(3), &own, &path), Some(trials.clone()));
-        let other = Cell { contender: Contender::Cpd, ..cell(3) };
+        let other = ExperimentCell { contender: Contender::Cpd, ..cell(3) };
         assert_eq!(Trials::read(&other, &own, &path), None);
         assert_eq!(Trials::read(&cell(4), &own, &path), None);
         for another in [source("a model of clay", "1"), source("", "2")] {

@@ -3,17 +3,17 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::cell::{Cell, Contender, Interpretation, Shape, Test};
-use super::printed::printed;
+use super::cell::{Contender, ExperimentCell, Interpretation, Shape, Test};
+use super::printed::printed_value;
 use super::record::{Record, Trials};
-use crate::{Motion, Spread};
+use crate::{MeanStd, Motion};
 
 /// All trials, by the name of their cell.
-pub type Results = BTreeMap<String, (Cell, Trials)>;
+pub type Results = BTreeMap<String, (ExperimentCell, Trials)>;
 
 /// How a figure of ours stands to the paper's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum PrintedComparison {
     /// The means differ by no more than the printed deviation.
     Within,
     /// Ours is lower by more.
@@ -24,23 +24,25 @@ pub enum Verdict {
     Unprinted,
 }
 
-impl Verdict {
+impl PrintedComparison {
     /// Of a mean of ours, beside what is printed.
-    pub fn of(mean: f64, printed: Option<Spread>) -> Self {
+    pub fn compare(mean: f64, printed: Option<MeanStd>) -> Self {
         match printed {
-            None => Verdict::Unprinted,
-            Some(theirs) if (mean - theirs.mean).abs() <= theirs.deviation => Verdict::Within,
-            Some(theirs) if mean < theirs.mean => Verdict::Lower,
-            Some(_) => Verdict::Higher,
+            None => PrintedComparison::Unprinted,
+            Some(theirs) if (mean - theirs.mean).abs() <= theirs.deviation => {
+                PrintedComparison::Within
+            }
+            Some(theirs) if mean < theirs.mean => PrintedComparison::Lower,
+            Some(_) => PrintedComparison::Higher,
         }
     }
 
     fn mark(self) -> &'static str {
         match self {
-            Verdict::Within => "=",
-            Verdict::Lower => "<",
-            Verdict::Higher => ">",
-            Verdict::Unprinted => "",
+            PrintedComparison::Within => "=",
+            PrintedComparison::Lower => "<",
+            PrintedComparison::Higher => ">",
+            PrintedComparison::Unprinted => "",
         }
     }
 }
@@ -61,19 +63,19 @@ fn columns(test: Test) -> Vec<(Shape, Motion)> {
 }
 
 /// One table: rows are contenders, columns shapes and motions.
-struct Table {
+struct PaperTable {
     title: String,
     head: Vec<String>,
-    rows: Vec<(Contender, Vec<Entry>)>,
+    rows: Vec<(Contender, Vec<PaperEntry>)>,
 }
 
-pub(super) struct Entry {
-    pub(super) printed: Option<Spread>,
-    pub(super) ours: Option<Spread>,
+pub(super) struct PaperEntry {
+    pub(super) printed: Option<MeanStd>,
+    pub(super) ours: Option<MeanStd>,
     pub(super) failures: usize,
 }
 
-fn table(results: &Results, test: Test, reading: Interpretation) -> Table {
+fn table(results: &Results, test: Test, reading: Interpretation) -> PaperTable {
     let columns = columns(test);
     let title = match test {
         Test::Robustness => "Table I: average shift (m)",
@@ -81,14 +83,14 @@ fn table(results: &Results, test: Test, reading: Interpretation) -> Table {
         Test::Sensitivity => "Sensitivity: average shift (m)",
     };
     let entry = |contender, &(shape, motion): &(Shape, Motion)| {
-        let is_it = |cell: &Cell| {
-            is_of(cell, test, reading)
+        let is_it = |cell: &ExperimentCell| {
+            belongs_to(cell, test, reading)
                 && cell.contender == contender
                 && (cell.shape, cell.motion) == (shape, motion)
         };
         let trials = results.values().find(|(cell, _)| is_it(cell)).map(|(_, trials)| trials);
-        Entry {
-            printed: printed(test, contender, shape, motion),
+        PaperEntry {
+            printed: printed_value(test, contender, shape, motion),
             ours: trials.and_then(|trials| trials.spread(measure(test))),
             failures: trials.map_or(0, Trials::failures),
         }
@@ -96,7 +98,7 @@ fn table(results: &Results, test: Test, reading: Interpretation) -> Table {
     let row = |&contender: &Contender| {
         (contender, columns.iter().map(|column| entry(contender, column)).collect())
     };
-    Table {
+    PaperTable {
         title: format!("{title}, reading: {reading}"),
         head: columns.iter().map(|(shape, motion)| format!("{shape}, {motion}")).collect(),
         rows: Contender::ALL.iter().map(row).collect(),
@@ -108,13 +110,14 @@ pub fn markdown(results: &Results) -> String {
     let mut text = String::from(LEGEND);
     let own = results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_none());
     let trials = own.map(|cell| cell.trials).max().unwrap_or(0);
-    let _ = writeln!(text, "\n{trials} trials a cell{}.", few(trials));
+    let _ = writeln!(text, "\n{trials} trials a cell{}.", sample_size_note(trials));
     for table in tables(results) {
         let _ = writeln!(text, "\n## {}\n", table.title);
         let _ = writeln!(text, "| | {} |", table.head.join(" | "));
         let _ = writeln!(text, "|---|{}", "---|".repeat(table.head.len()));
         for (contender, entries) in &table.rows {
-            let cells: Vec<String> = entries.iter().map(|entry| shown(entry, " ± ")).collect();
+            let cells: Vec<String> =
+                entries.iter().map(|entry| format_entry(entry, " ± ")).collect();
             let _ = writeln!(text, "| {contender} | {} |", cells.join(" | "));
         }
     }
@@ -122,7 +125,7 @@ pub fn markdown(results: &Results) -> String {
 }
 
 /// A warning where trials are too few for a mean.
-pub(super) fn few(trials: usize) -> &'static str {
+pub(super) fn sample_size_note(trials: usize) -> &'static str {
     if trials < 30 { ": a check that all runs, not a measurement" } else { "" }
 }
 
@@ -140,7 +143,7 @@ pub fn latex(results: &Results) -> String {
         for (contender, entries) in &table.rows {
             let cells: Vec<String> = entries
                 .iter()
-                .map(|entry| format!("${}$", shown(entry, " \\pm ").replace('|', "\\mid")))
+                .map(|entry| format!("${}$", format_entry(entry, " \\pm ").replace('|', "\\mid")))
                 .collect();
             let _ = writeln!(text, "{contender} & {} \\\\", cells.join(" & "));
         }
@@ -159,12 +162,12 @@ const LEGEND: &str = "# The paper's tables, ours beside the printed\n\n\
     mesh that faces the sensor stands in, in `points` a scan simulated from it.\n";
 
 /// Whether a cell is of the paper's tables, and of this one.
-fn is_of(cell: &Cell, test: Test, reading: Interpretation) -> bool {
+fn belongs_to(cell: &ExperimentCell, test: Test, reading: Interpretation) -> bool {
     cell.variation.is_none() && (cell.test, cell.reading) == (test, reading)
 }
 
-fn tables(results: &Results) -> Vec<Table> {
-    let there = |test, reading| results.values().any(|(cell, _)| is_of(cell, test, reading));
+fn tables(results: &Results) -> Vec<PaperTable> {
+    let there = |test, reading| results.values().any(|(cell, _)| belongs_to(cell, test, reading));
     let all = [Test::Robustness, Test::Accuracy]
         .into_iter()
         .flat_map(|test| Interpretation::ALL.map(|reading| (test, reading)));
@@ -173,13 +176,15 @@ fn tables(results: &Results) -> Vec<Table> {
         .collect()
 }
 
-pub(super) fn shown(entry: &Entry, between: &str) -> String {
+pub(super) fn format_entry(entry: &PaperEntry, between: &str) -> String {
     let spread =
-        |spread: Spread| format!("{}{between}{}", number(spread.mean), number(spread.deviation));
+        |spread: MeanStd| format!("{}{between}{}", number(spread.mean), number(spread.deviation));
     let without = if entry.failures > 0 { "none" } else { "not run" };
     let mut text = entry.ours.map_or(without.to_string(), spread);
     if let Some(printed) = entry.printed {
-        let mark = entry.ours.map_or("", |ours| Verdict::of(ours.mean, Some(printed)).mark());
+        let mark = entry
+            .ours
+            .map_or("", |ours| PrintedComparison::compare(ours.mean, Some(printed)).mark());
         let _ = write!(text, " \\| {} {mark}", spread(printed));
     }
     if entry.failures > 0 {
@@ -207,11 +212,11 @@ mod tests {
 
     #[test]
     fn verdicts_follow_the_printed_deviation() {
-        let printed = Some(Spread { mean: 0.18, deviation: 0.14 });
-        assert_eq!(Verdict::of(0.30, printed), Verdict::Within);
-        assert_eq!(Verdict::of(0.33, printed), Verdict::Higher);
-        assert_eq!(Verdict::of(0.03, printed), Verdict::Lower);
-        assert_eq!(Verdict::of(0.03, None), Verdict::Unprinted);
+        let printed = Some(MeanStd { mean: 0.18, deviation: 0.14 });
+        assert_eq!(PrintedComparison::compare(0.30, printed), PrintedComparison::Within);
+        assert_eq!(PrintedComparison::compare(0.33, printed), PrintedComparison::Higher);
+        assert_eq!(PrintedComparison::compare(0.03, printed), PrintedComparison::Lower);
+        assert_eq!(PrintedComparison::compare(0.03, None), PrintedComparison::Unprinted);
     }
 
     #[test]

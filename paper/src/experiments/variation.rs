@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::models;
-use crate::protocol::{Protocol, Trial, Viewpoint};
+use crate::protocol::{NormalViewpoint, Protocol, Trial};
 use cfreg::cloud::PointCloud;
 use cfreg::error::Result;
 use cfreg::keypoint::{Keypoints, Sift};
@@ -26,7 +26,7 @@ pub enum Variation {
     /// ICP without the fitness epsilon, which stops it early.
     AtRest,
     /// Where normals look.
-    Viewpoint(Viewpoint),
+    Viewpoint(NormalViewpoint),
     /// Radius of the ball of outliers, metres.
     Radius(f64),
     /// From where the Armadillo is seen, degrees; normals look there too.
@@ -68,10 +68,10 @@ impl Variation {
     }
 
     /// Where normals look, `otherwise` unless this says so.
-    pub fn viewpoint(self, otherwise: Viewpoint) -> Viewpoint {
+    pub fn viewpoint(self, otherwise: NormalViewpoint) -> NormalViewpoint {
         match self {
             Variation::Viewpoint(viewpoint) => viewpoint,
-            Variation::Side(degrees) => Viewpoint::At(models::sensor(degrees)),
+            Variation::Side(degrees) => NormalViewpoint::At(models::sensor(degrees)),
             _ => otherwise,
         }
     }
@@ -83,14 +83,14 @@ impl Variation {
     pub fn trial(self, mut trial: Trial) -> Result<Trial> {
         if let Variation::Decimals(decimals) = self {
             for cloud in [&mut trial.source, &mut trial.target] {
-                *cloud = rounded(cloud, decimals)?;
+                *cloud = round_coordinates(cloud, decimals)?;
             }
         }
         Ok(trial)
     }
 }
 
-fn rounded(cloud: &PointCloud, decimals: u32) -> Result<PointCloud> {
+fn round_coordinates(cloud: &PointCloud, decimals: u32) -> Result<PointCloud> {
     let unit = 10f64.powi(decimals as i32);
     let points: Vec<_> = cloud.positions().map(|p| p.map(|x| (x * unit).round() / unit)).collect();
     let rounded = PointCloud::new(&points)?;
@@ -112,10 +112,10 @@ impl fmt::Display for Variation {
                 write!(f, "sift-{}-{}-{}", sift.min_scale, sift.octaves, sift.scales)
             }
             Variation::AtRest => f.write_str("at-rest"),
-            Variation::Viewpoint(Viewpoint::Origin) => f.write_str("viewpoint-stays"),
-            Variation::Viewpoint(Viewpoint::Along) => f.write_str("viewpoint-along"),
-            Variation::Viewpoint(Viewpoint::Centroid) => f.write_str("viewpoint-centroid"),
-            Variation::Viewpoint(Viewpoint::At(_)) => f.write_str("viewpoint-sensor"),
+            Variation::Viewpoint(NormalViewpoint::Origin) => f.write_str("viewpoint-stays"),
+            Variation::Viewpoint(NormalViewpoint::Along) => f.write_str("viewpoint-along"),
+            Variation::Viewpoint(NormalViewpoint::Centroid) => f.write_str("viewpoint-centroid"),
+            Variation::Viewpoint(NormalViewpoint::At(_)) => f.write_str("viewpoint-sensor"),
             Variation::Radius(radius) => write!(f, "radius-{radius}"),
             Variation::Side(degrees) => write!(f, "side-{degrees:03}"),
             Variation::Decimals(decimals) => write!(f, "decimals-{decimals}"),

@@ -12,19 +12,20 @@ pub struct Growth {
 }
 
 /// Values of a fit at the least: two make a line without any error.
-const FEWEST: usize = 3;
+const MIN_SIZES: usize = 3;
 /// Largest N over the smallest of a fit, where there are values enough: at small N what does
 /// not grow, or less, hides the power.
-const DECADE: f64 = 10.0;
+const MIN_SIZE_RATIO: f64 = 10.0;
 
 impl Growth {
     /// Least squares of log y over log N of the pairs (N, y), which come by growing N: those
     /// of the last decade, or the last three if that has less. `None` for fewer than three
     /// pairs, or values that are not above zero.
-    pub fn of(pairs: &[[f64; 2]]) -> Option<Self> {
+    pub fn fit(pairs: &[[f64; 2]]) -> Option<Self> {
         let last = pairs.last()?[0];
-        let within = pairs.iter().filter(|pair| pair[0] * DECADE >= last * (1.0 - 1e-9)).count();
-        let first = pairs.len().checked_sub(within.max(FEWEST))?;
+        let within =
+            pairs.iter().filter(|pair| pair[0] * MIN_SIZE_RATIO >= last * (1.0 - 1e-9)).count();
+        let first = pairs.len().checked_sub(within.max(MIN_SIZES))?;
         let upper = &pairs[first..];
         if upper.as_flattened().iter().any(|x| !(*x > 0.0 && x.is_finite())) {
             return None;
@@ -48,17 +49,17 @@ mod tests {
     #[test]
     fn a_known_exponent_comes_back_with_its_error() {
         let pairs = |y: fn(f64) -> f64| [1e2, 2e2, 5e2, 1e3, 2e3, 5e3].map(|n| [n, y(n)]);
-        let exact = Growth::of(&pairs(|n| 3e-7 * n.powf(1.7))).unwrap();
+        let exact = Growth::fit(&pairs(|n| 3e-7 * n.powf(1.7))).unwrap();
         assert!((exact.exponent - 1.7).abs() < 1e-12 && exact.error < 1e-12, "{exact:?}");
         assert_eq!(exact.from, 5e2);
         // A constant that the last decade hardly sees.
-        let raised = Growth::of(&pairs(|n| 1e4 + n * n)).unwrap();
+        let raised = Growth::fit(&pairs(|n| 1e4 + n * n)).unwrap();
         assert!((raised.exponent - 2.0).abs() < 0.03, "{raised:?}");
         // Off by a tenth up and down: of log y = 2 log N ± 0.1, at log N = 0, 1, 2, 3 times
         // ln 2, the slope is 2 - 0.04/ln 2, with a rest of 0.032.
         let off =
             |k: i32| [2f64.powi(k), 4f64.powi(k) * (if k % 2 == 0 { 0.1f64 } else { -0.1 }).exp()];
-        let uneven = Growth::of(&[0, 1, 2, 3].map(off)).unwrap();
+        let uneven = Growth::fit(&[0, 1, 2, 3].map(off)).unwrap();
         let slope = 2.0 - 0.04 / 2f64.ln();
         let error = (0.032f64 / 2.0 / 5.0).sqrt() / 2f64.ln();
         assert!((uneven.exponent - slope).abs() < 1e-12, "{uneven:?}");
@@ -67,12 +68,12 @@ mod tests {
 
     #[test]
     fn too_few_or_impossible_values_have_no_exponent() {
-        assert_eq!(Growth::of(&[]), None);
-        assert_eq!(Growth::of(&[[1.0, 1.0], [2.0, 4.0]]), None);
-        assert_eq!(Growth::of(&[[1.0, 0.0], [2.0, 4.0], [4.0, 8.0]]), None);
-        assert_eq!(Growth::of(&[[1.0, 1.0]; 3]), None);
+        assert_eq!(Growth::fit(&[]), None);
+        assert_eq!(Growth::fit(&[[1.0, 1.0], [2.0, 4.0]]), None);
+        assert_eq!(Growth::fit(&[[1.0, 0.0], [2.0, 4.0], [4.0, 8.0]]), None);
+        assert_eq!(Growth::fit(&[[1.0, 1.0]; 3]), None);
         // Three that are far apart.
-        let far = Growth::of(&[[1.0, 2.0], [100.0, 200.0], [1e4, 2e4]]).unwrap();
+        let far = Growth::fit(&[[1.0, 2.0], [100.0, 200.0], [1e4, 2e4]]).unwrap();
         assert!((far.exponent - 1.0).abs() < 1e-12);
     }
 }

@@ -30,7 +30,7 @@ pub const METHODS: [&str; 10] =
 
 /// How far it goes, and where the results go.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct ScalingOptions {
     /// Folder of the scans ([`models::load`]).
     pub data: PathBuf,
     /// Folder of the results; made if it is not there. Runs that are in it already, whole and
@@ -40,26 +40,26 @@ pub struct Options {
     pub sizes: Vec<usize>,
     /// What no run should exceed: a method stops at the first size where the runs before
     /// lead to expect more.
-    pub limit: Limit,
+    pub limit: RunLimit,
 }
 
 /// The most that a run should take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Limit {
+pub struct RunLimit {
     /// Seconds.
     pub seconds: f64,
     /// Bytes; of no effect without a [`Meter`].
     pub bytes: u64,
 }
 
-impl Options {
+impl ScalingOptions {
     /// From 500 points to where a run takes 10 s or 2 GiB, in a few minutes; with `smoke` at
     /// three sizes in a few seconds.
     pub fn new(data: PathBuf, output: PathBuf, smoke: bool) -> Self {
         let hundreds = [5, 10, 20, 50, 100, 200, 500, 1000, 2000];
         let sizes = if smoke { vec![300, 600, 1200] } else { hundreds.map(|k| 100 * k).into() };
         let seconds = if smoke { 30.0 } else { 10.0 };
-        Options { data, output, sizes, limit: Limit { seconds, bytes: 2 << 30 } }
+        ScalingOptions { data, output, sizes, limit: RunLimit { seconds, bytes: 2 << 30 } }
     }
 }
 
@@ -99,13 +99,13 @@ pub struct Run {
 
 /// All that runs depend on but the machine: the first line of the file.
 #[derive(Serialize)]
-struct Settings<'a> {
+struct ScalingSettings<'a> {
     shape: Shape,
     reading: Interpretation,
     motion: Motion,
     seed: u64,
     sizes: &'a [usize],
-    limit: Limit,
+    limit: RunLimit,
     memory: bool,
     model: String,
     revision: u32,
@@ -129,7 +129,7 @@ const READING: Interpretation = Interpretation::Fitting;
 /// missing scan or a folder that cannot be written; those of the readers. A run without an
 /// answer is a result.
 pub fn run(
-    options: &Options,
+    options: &ScalingOptions,
     meter: Option<Meter>,
     progress: impl FnMut(usize, usize),
 ) -> Result<Vec<Run>> {
@@ -139,7 +139,7 @@ pub fn run(
     let path = options.output.join("scaling.csv");
     let methods: Vec<Method> = METHODS.iter().map(|name| name.parse()).collect::<Result<_>>()?;
     let models::Source { model, digest, .. } = models::load(&options.data, Shape::Bunny, READING)?;
-    let settings = Settings {
+    let settings = ScalingSettings {
         shape: Shape::Bunny,
         reading: READING,
         motion: MOTION,
@@ -157,13 +157,13 @@ pub fn run(
         return Ok(runs);
     }
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
-    let runs = measured(options, &methods, &model, meter, progress)?;
+    let runs = measure_all(options, &methods, &model, meter, progress)?;
     csv_cache::write(&path, &settings, &runs)?;
     Ok(runs)
 }
 
-fn measured(
-    options: &Options,
+fn measure_all(
+    options: &ScalingOptions,
     methods: &[Method],
     model: &Model,
     meter: Option<Meter>,
@@ -174,7 +174,7 @@ fn measured(
         let mut before: Vec<Run> = Vec::new();
         for (j, &points) in options.sizes.iter().enumerate() {
             progress(k * each + j, methods.len() * each);
-            if beyond(options.limit, &before, points) {
+            if exceeds_limit(options.limit, &before, points) {
                 break;
             }
             // A thread of its own: what libraries keep for a thread is in its count, and in no
@@ -196,7 +196,7 @@ fn pair(model: &Model, points: usize) -> Result<Trial> {
 }
 
 /// Whether a run with `points` is expected beyond the limit, as those before grew.
-fn beyond(limit: Limit, before: &[Run], points: usize) -> bool {
+fn exceeds_limit(limit: RunLimit, before: &[Run], points: usize) -> bool {
     let expected = |measure: &dyn Fn(&Run) -> f64| {
         let at = |run: &Run| [run.points as f64, measure(run)];
         let (last, others) = before.split_last()?;
@@ -214,8 +214,8 @@ fn beyond(limit: Limit, before: &[Run], points: usize) -> bool {
 }
 
 /// Seconds up to which a run is repeated, and how often at most.
-const SHORT: f64 = 0.5;
-const REPEATS: usize = 5;
+const REPEAT_BELOW_SECONDS: f64 = 0.5;
+const MAX_REPEATS: usize = 5;
 
 /// On the threads it is called from.
 fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> Run {
@@ -228,8 +228,8 @@ fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> 
     let mut least = timed();
     let bytes = meter.zip(held).map(|(meter, held)| (meter.peak)().saturating_sub(held) as u64);
     let mut spent = least.0;
-    for _ in 1..REPEATS {
-        if spent > SHORT {
+    for _ in 1..MAX_REPEATS {
+        if spent > REPEAT_BELOW_SECONDS {
             break;
         }
         let again = timed();
@@ -255,14 +255,14 @@ fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> 
             iterations: found.iterations,
             rotation_deg: Some(trial.error(&found.transform).rotation_deg),
             trusted: found.trusted,
-            stages: stages(&found),
+            stages: stages_text(&found),
             ..run
         },
         Err(error) => Run { error: error.to_string(), ..run },
     }
 }
 
-fn stages(found: &Registration) -> String {
+fn stages_text(found: &Registration) -> String {
     let stage = |(name, seconds): &(&str, f64)| format!("{name} {seconds:.2e}");
     found.time_s.0.iter().map(stage).collect::<Vec<_>>().join("; ")
 }
@@ -279,8 +279,8 @@ mod tests {
 
     #[test]
     fn a_method_stops_where_its_growth_would_exceed_a_limit() {
-        let limit = Limit { seconds: 10.0, bytes: 1000 };
-        let beyond = |before: &[Run], points| super::beyond(limit, before, points);
+        let limit = RunLimit { seconds: 10.0, bytes: 1000 };
+        let beyond = |before: &[Run], points| super::exceeds_limit(limit, before, points);
         assert!(!beyond(&[], 1_000_000));
         // One run: as by the square.
         assert!(!beyond(&[run(100, 1.0, None)], 300) && beyond(&[run(100, 1.0, None)], 320));

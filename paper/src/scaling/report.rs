@@ -9,7 +9,10 @@ use cfreg::error::Result;
 use cfreg::figure::{Axes, Content, Curve, Figure, Panel};
 
 /// The runs of a method that have an answer.
-fn of<'a>(runs: &'a [Run], method: &'a str) -> impl DoubleEndedIterator<Item = &'a Run> {
+fn runs_of_method<'a>(
+    runs: &'a [Run],
+    method: &'a str,
+) -> impl DoubleEndedIterator<Item = &'a Run> {
     runs.iter().filter(move |run| run.method == method && run.error.is_empty())
 }
 
@@ -23,7 +26,9 @@ fn megabytes(run: &Run) -> Option<f64> {
 
 /// N and what is measured.
 fn pairs(runs: &[Run], method: &str, measure: fn(&Run) -> Option<f64>) -> Vec<[f64; 2]> {
-    of(runs, method).filter_map(|run| Some([run.points as f64, measure(run)?])).collect()
+    runs_of_method(runs, method)
+        .filter_map(|run| Some([run.points as f64, measure(run)?]))
+        .collect()
 }
 
 const LEGEND: &str = "# Time and memory over the number of points\n\n\
@@ -39,12 +44,12 @@ pub fn markdown(runs: &[Run]) -> String {
     let mut text = String::from(LEGEND);
     let growth = |pairs: &[[f64; 2]]| {
         let shown = |growth: Growth| format!("{:.2} ± {:.2}", growth.exponent, growth.error);
-        Growth::of(pairs).map_or_else(String::new, shown)
+        Growth::fit(pairs).map_or_else(String::new, shown)
     };
     for method in METHODS {
-        let Some(last) = of(runs, method).next_back() else { continue };
+        let Some(last) = runs_of_method(runs, method).next_back() else { continue };
         let [times, memory] = [seconds, megabytes].map(|measure| pairs(runs, method, measure));
-        let from = Growth::of(&times).map_or(last.points as f64, |growth| growth.from);
+        let from = Growth::fit(&times).map_or(last.points as f64, |growth| growth.from);
         let held = megabytes(last).map_or_else(String::new, three_digits);
         let error = last.rotation_deg.unwrap_or(f64::NAN);
         let _ = writeln!(
@@ -82,7 +87,7 @@ pub fn draw(runs: &[Run], folder: &Path) -> Result<()> {
 fn panel(runs: &[Run], title: &str, unit: &str, measure: fn(&Run) -> Option<f64>) -> Option<Panel> {
     let curve = |method: &str| {
         let points = pairs(runs, method, measure);
-        let power = Growth::of(&points).map(|growth| format!("  N^{:.1}", growth.exponent));
+        let power = Growth::fit(&points).map(|growth| format!("  N^{:.1}", growth.exponent));
         let name = method.to_uppercase() + &power.unwrap_or_default();
         (!points.is_empty()).then(|| Curve { name, points, ..Curve::default() })
     };

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::Views;
 use crate::experiments::cell::{Interpretation, Shape};
 use crate::experiments::models;
-use crate::protocol::{Draw, Protocol, Trial, Viewpoint};
+use crate::protocol::{Draw, NormalViewpoint, Protocol, Trial};
 use crate::{Model, Motion};
 use cfreg::cloud::Mesh;
 use cfreg::error::{Error, Result};
@@ -116,7 +116,7 @@ impl Scenes {
             match models::load(folder, shape, Interpretation::Fitting) {
                 Ok(source) => scans.push((shape, source.model)),
                 Err(error) if models::is_missing(&error) => {
-                    left_out.push(models::left_out(shape, &error));
+                    left_out.push(models::missing_model_note(shape, &error));
                     last = Some(error);
                 }
                 Err(error) => return Err(error),
@@ -135,7 +135,7 @@ impl Scenes {
     }
 
     /// Whether there is anything to make such trials of.
-    pub fn have(&self, condition: Condition) -> bool {
+    pub fn supports(&self, condition: Condition) -> bool {
         !matches!(condition, Condition::Overlap(_)) || !self.views.is_empty()
     }
 
@@ -164,18 +164,20 @@ impl Scenes {
                 radius: 0.1,
             },
             Condition::Overlap(share) => {
-                let Some((shape, views)) = turn(&self.views, number) else { return Ok(None) };
+                let Some((shape, views)) = cyclic_item(&self.views, number) else {
+                    return Ok(None);
+                };
                 let (trial, _) = views.trial(share, points, seed, number)?;
                 return Ok(Some((*shape, trial)));
             }
         };
-        let Some((shape, model)) = turn(&self.scans, number) else { return Ok(None) };
-        let (motion, viewpoint) = (Motion::Large, Viewpoint::Along);
+        let Some((shape, model)) = cyclic_item(&self.scans, number) else { return Ok(None) };
+        let (motion, viewpoint) = (Motion::Large, NormalViewpoint::Along);
         let trial = protocol.trial(model, Draw { motion, viewpoint, points, seed, number })?;
         Ok(Some((*shape, trial)))
     }
 }
 
-fn turn<T>(items: &[T], number: u64) -> Option<&T> {
+fn cyclic_item<T>(items: &[T], number: u64) -> Option<&T> {
     items.get((number % items.len().max(1) as u64) as usize)
 }

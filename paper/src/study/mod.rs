@@ -18,13 +18,13 @@ mod trials;
 use std::path::PathBuf;
 
 pub use condition::{Condition, Scenes};
-pub use ranking::{Interval, Standing};
-pub use scheme::{Place, Points, Scheme};
+pub use ranking::{Interval, SchemeRanking};
+pub use scheme::{DescriptorSetup, GridPoint, Scheme};
 pub use screening::ScreeningResult;
-pub use trials::Outcome;
+pub use trials::TrialOutcome;
 
 use self::ranking::Errors;
-use self::trials::{Draws, Entrant};
+use self::trials::{Entrant, TrialDraws};
 use super::csv_cache;
 use crate::files;
 use cfreg::error::{Error, Result};
@@ -32,7 +32,7 @@ use cfreg::figure::Figure;
 use cfreg::method::{Method, Teaser};
 
 /// What is run, and where it goes.
-pub struct Options {
+pub struct StudyOptions {
     /// Folder of the results, made if it is not there; what is in it already, made by the
     /// same settings, is not run again; with schemes of one's own, which may have changed
     /// under their names, all finals are.
@@ -49,9 +49,9 @@ pub struct Study {
     /// Every place of the grid in every condition.
     pub screened: Vec<ScreeningResult>,
     /// The finalists, the best first.
-    pub standings: Vec<Standing>,
+    pub rankings: Vec<SchemeRanking>,
     /// Their trials by condition, trial by trial.
-    pub finals: Vec<(Condition, Vec<Outcome>)>,
+    pub finals: Vec<(Condition, Vec<TrialOutcome>)>,
     /// Trials of a condition in the screening, and in the finals.
     pub trials: [usize; 2],
 }
@@ -74,7 +74,7 @@ impl Study {
 const SEEDS: [u64; 2] = [11, 13];
 
 /// The method of many steps that stands beside the schemes.
-const BESIDE: &str = "TEASER";
+const REFERENCE_METHOD: &str = "TEASER";
 
 /// Runs the study on `scenes`; `progress` is told how many parts of how many are done.
 ///
@@ -82,23 +82,24 @@ const BESIDE: &str = "TEASER";
 /// [`Error::Io`] for a folder that cannot be written, [`Error::Config`] for two schemes of
 /// one name; those of [`Scenes::trial`].
 pub fn run(
-    options: &Options,
+    options: &StudyOptions,
     scenes: &Scenes,
     mut progress: impl FnMut(usize, usize),
 ) -> Result<Study> {
     std::fs::create_dir_all(&options.output).map_err(|error| Error::io(&options.output, error))?;
     let [few, many] = if options.smoke { [2, 3] } else { [6, 60] };
     let wanted = |condition: &&Condition| {
-        scenes.have(**condition) && !(options.smoke && SKIPPED_BY_SMOKE.contains(*condition))
+        scenes.supports(**condition) && !(options.smoke && SKIPPED_BY_SMOKE.contains(*condition))
     };
     let conditions: Vec<Condition> = Condition::ALL.iter().filter(wanted).copied().collect();
     let parts = 2 * conditions.len();
 
-    let grid: Vec<Scheme> = Place::grid(options.smoke).into_iter().map(Scheme::at).collect();
+    let grid: Vec<Scheme> =
+        GridPoint::grid(options.smoke).into_iter().map(Scheme::from_grid).collect();
     let mut screened = Vec::new();
     for (done, &condition) in conditions.iter().enumerate() {
         progress(done, parts);
-        let draws = Draws::new(scenes, condition, SEEDS[0], few);
+        let draws = TrialDraws::new(scenes, condition, SEEDS[0], few);
         screened.extend(screening::run(scenes, draws, &grid, &options.output)?);
     }
 
@@ -106,7 +107,7 @@ pub fn run(
     let beside = Teaser { noise_bound: Some(0.05), ..Teaser::default() };
     let mut entrants: Vec<Entrant<'_>> =
         finalists.into_iter().chain(&options.own).map(Entrant::Scheme).collect();
-    entrants.push(Entrant::Beside(BESIDE, Box::new(Method::Teaser(beside))));
+    entrants.push(Entrant::Reference(REFERENCE_METHOD, Box::new(Method::Teaser(beside))));
     let names: Vec<String> = entrants.iter().map(|entrant| entrant.name().to_string()).collect();
     if let Some(twice) = (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         return Err(Error::config("scheme", &names[twice], "must be the name of one scheme only"));
@@ -114,10 +115,10 @@ pub fn run(
     let mut finals = Vec::new();
     for (done, &condition) in conditions.iter().enumerate() {
         progress(conditions.len() + done, parts);
-        let draws = Draws::new(scenes, condition, SEEDS[1], many);
+        let draws = TrialDraws::new(scenes, condition, SEEDS[1], many);
         let path = options.output.join(format!("final_{}.csv", condition.stem()));
         let maker = ("final", draws);
-        let known = csv_cache::read(&path, &maker).filter(|rows: &Vec<Outcome>| {
+        let known = csv_cache::read(&path, &maker).filter(|rows: &Vec<TrialOutcome>| {
             options.own.is_empty()
                 && rows.len() == many * names.len()
                 && rows.iter().zip(names.iter().cycle()).all(|(r, n)| r.scheme == *n)
@@ -135,11 +136,11 @@ pub fn run(
     progress(parts, parts);
     let errors: Vec<Errors> = finals
         .iter()
-        .map(|(condition, outcomes)| Errors::of(*condition, outcomes, names.len()))
+        .map(|(condition, outcomes)| Errors::from_outcomes(*condition, outcomes, names.len()))
         .collect();
     // The paper's scheme is always the first finalist.
-    let standings = ranking::standings(&names, 0, &errors);
-    let study = Study { screened, standings, finals, trials: [few, many] };
+    let standings = ranking::rank_schemes(&names, 0, &errors);
+    let study = Study { screened, rankings: standings, finals, trials: [few, many] };
     let ranking = options.output.join("ranking.md");
     files::write_bytes(&ranking, study.markdown().as_bytes())?;
     study.figure().save(&options.output.join("fig12-weights"))?;
@@ -147,7 +148,7 @@ pub fn run(
 }
 
 /// `items` without those that came before.
-fn once<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+fn without_duplicates<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
     items.into_iter().fold(Vec::new(), |mut once, item| {
         if !once.contains(&item) {
             once.push(item);

@@ -19,11 +19,11 @@ impl Study {
 
 fn listing(study: &Study) -> Result<TablePage> {
     let kinds: Vec<&'static str> = study
-        .standings
+        .rankings
         .first()
         .map_or_else(Vec::new, |best| best.kinds.iter().map(|k| k.0).collect());
     let columns = [&["scheme", "error over the paper's", "from", "to"][..], &kinds].concat();
-    let rows = study.standings.iter().map(|standing| {
+    let rows = study.rankings.iter().map(|standing| {
         let overall = standing.overall;
         let numbers = [overall.value, overall.low, overall.high].into_iter();
         let kinds = standing.kinds.iter().map(|(_, interval)| interval.value);
@@ -52,7 +52,7 @@ fn listing(study: &Study) -> Result<TablePage> {
         rows: rows.collect(),
         ..TablePage::default()
     };
-    listing.draw(
+    listing.add_figure(
         &study.figure(),
         "The finalists against overlap, noise and outliers, and what the screening says.",
     )?;

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::condition::Condition;
-use super::trials::Outcome;
+use super::trials::TrialOutcome;
 
 /// A figure and the interval that holds it in 95 of 100 repetitions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +20,7 @@ pub struct Interval {
 /// A scheme's mean error over that of the paper's, below 1 where it is better: per kind of
 /// condition the geometric mean over its conditions, and over all kinds alike.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Standing {
+pub struct SchemeRanking {
     /// Name of the scheme.
     pub scheme: String,
     /// Over all kinds.
@@ -37,9 +37,18 @@ pub(super) struct Errors {
 
 impl Errors {
     /// Of outcomes that go trial by trial through the `entrants`.
-    pub(super) fn of(condition: Condition, outcomes: &[Outcome], entrants: usize) -> Self {
+    pub(super) fn from_outcomes(
+        condition: Condition,
+        outcomes: &[TrialOutcome],
+        entrants: usize,
+    ) -> Self {
         let of = |entrant: usize| {
-            outcomes.iter().skip(entrant).step_by(entrants.max(1)).map(Outcome::error).collect()
+            outcomes
+                .iter()
+                .skip(entrant)
+                .step_by(entrants.max(1))
+                .map(TrialOutcome::error)
+                .collect()
         };
         Errors { condition, errors: (0..entrants).map(of).collect() }
     }
@@ -59,10 +68,14 @@ impl Errors {
 
 /// Times that trials are drawn again, with replacement, the same for all entrants (Efron and
 /// Tibshirani 1993, the percentile interval).
-const DRAWS: usize = 1000;
+const BOOTSTRAP_SAMPLES: usize = 1000;
 
 /// Standings of all entrants against the one numbered `base`, the best first.
-pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) -> Vec<Standing> {
+pub(super) fn rank_schemes(
+    names: &[String],
+    base: usize,
+    conditions: &[Errors],
+) -> Vec<SchemeRanking> {
     let conditions: Vec<&Errors> =
         conditions.iter().filter(|condition| condition.trials() > 0).collect();
     let of: Vec<Condition> = conditions.iter().map(|errors| errors.condition).collect();
@@ -71,7 +84,7 @@ pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) ->
     let all = scores(&of, &whole, base);
     let n = conditions.iter().map(|errors| errors.trials()).min().unwrap_or(0);
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let drawn: Vec<Vec<Vec<f64>>> = (0..DRAWS)
+    let drawn: Vec<Vec<Vec<f64>>> = (0..BOOTSTRAP_SAMPLES)
         .map(|_| {
             // The same numbers in all conditions: trials of a number share their draws.
             let chosen: Vec<usize> = (0..n).map(|_| rng.random_range(0..n)).collect();
@@ -83,18 +96,19 @@ pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) ->
     let interval = |entrant: usize, column: usize| {
         let mut values: Vec<f64> = drawn.iter().map(|scores| scores[entrant][column]).collect();
         values.sort_by(f64::total_cmp);
-        let at = |share: f64| values[(share * (DRAWS - 1) as f64).round() as usize].exp();
+        let at =
+            |share: f64| values[(share * (BOOTSTRAP_SAMPLES - 1) as f64).round() as usize].exp();
         Interval { value: all[entrant][column].exp(), low: at(0.025), high: at(0.975) }
     };
     let by_kind = |entrant: usize| {
         kinds(&of).into_iter().enumerate().map(move |(k, kind)| (kind, interval(entrant, k + 1)))
     };
-    let standing = |(entrant, name): (usize, &String)| Standing {
+    let standing = |(entrant, name): (usize, &String)| SchemeRanking {
         scheme: name.clone(),
         overall: interval(entrant, 0),
         kinds: by_kind(entrant).collect(),
     };
-    let mut standings: Vec<Standing> = names.iter().enumerate().map(standing).collect();
+    let mut standings: Vec<SchemeRanking> = names.iter().enumerate().map(standing).collect();
     standings.sort_by(|a, b| a.overall.value.total_cmp(&b.overall.value));
     standings
 }
@@ -147,7 +161,7 @@ mod tests {
             errors(Condition::Noise(0.01), &[0.3, 0.3, 0.3], 0.5),
             errors(Condition::Noise(0.02), &[1.0, 2.0, 1.0], 0.02),
         ];
-        let standings = standings(&names, 0, &conditions);
+        let standings = rank_schemes(&names, 0, &conditions);
         assert_eq!(standings[0].scheme, "better");
         let kinds: Vec<_> = standings[0].kinds.iter().map(|(kind, i)| (*kind, i.value)).collect();
         assert_eq!(kinds[0], ("independent", 0.5));
@@ -167,7 +181,7 @@ mod tests {
             Errors { condition: Condition::Noise(sigma), errors: vec![vec![1.0; 40], other] }
         };
         let of = |conditions: &[Errors]| {
-            let found = standings(&names, 0, conditions);
+            let found = rank_schemes(&names, 0, conditions);
             found.iter().find(|s| s.scheme == "other").unwrap().overall
         };
         let (alone, twice) = (of(&[one(0.01)]), of(&[one(0.01), one(0.02)]));
@@ -182,7 +196,7 @@ mod tests {
         let paper = vec![1.0; 40];
         let other: Vec<f64> = (0..40).map(|k| if k % 4 == 0 { 2.0 } else { 0.4 }).collect();
         let one = Errors { condition: Condition::Independent, errors: vec![paper, other] };
-        let found = standings(&names, 0, &[one]);
+        let found = rank_schemes(&names, 0, &[one]);
         let interval = found.iter().find(|s| s.scheme == "other").unwrap().overall;
         assert!((interval.value - 0.8).abs() < 1e-12);
         // Standard error 0.69/√40 = 0.11, twice that on either side.

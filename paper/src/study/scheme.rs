@@ -26,11 +26,11 @@ pub struct Scheme {
     /// How points are described.
     pub describe: FeatureConfig,
     /// Where it stands in the grid; `None` for one's own.
-    pub(super) place: Option<Place>,
-    weigh: Box<Weigh>,
+    pub(super) place: Option<GridPoint>,
+    weigh: Box<WeightFunction>,
 }
 
-type Weigh = dyn Fn(&FullConnection) -> Result<Moments> + Send + Sync;
+type WeightFunction = dyn Fn(&FullConnection) -> Result<Moments> + Send + Sync;
 
 impl Scheme {
     /// A scheme of one's own.
@@ -43,8 +43,8 @@ impl Scheme {
     }
 
     /// The scheme at a place of the grid.
-    pub(super) fn at(place: Place) -> Self {
-        let Place { kernel, beta, normalize, .. } = place;
+    pub(super) fn from_grid(place: GridPoint) -> Self {
+        let GridPoint { kernel, beta, normalize, .. } = place;
         let weigh = move |connection: &FullConnection| {
             connection.scheme_moments(kernel, connection.bandwidth(beta)?, normalize)
         };
@@ -63,7 +63,7 @@ impl Scheme {
 
 /// A way to describe points, one of [`Points::ALL`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Points {
+pub struct DescriptorSetup {
     /// Nearest points of the neighbourhoods whose descriptors stand beside each other, each
     /// with those for its normals; `None`: as many.
     pub scales: &'static [(usize, Option<usize>)],
@@ -71,31 +71,31 @@ pub struct Points {
     pub histogram: HistogramScale,
 }
 
-impl Points {
+impl DescriptorSetup {
     /// The ways of the grid, the paper's first.
-    pub const ALL: [Points; 16] = {
+    pub const ALL: [DescriptorSetup; 16] = {
         use HistogramScale::{Open3d, Pcl};
         const SAME: [(usize, Option<usize>); 3] =
             [(100, Some(10)), (200, Some(10)), (400, Some(10))];
         const OWN: [(usize, Option<usize>); 3] =
             [(100, Some(10)), (200, Some(50)), (400, Some(150))];
         [
-            Points { scales: &[(150, None)], histogram: Pcl },
-            Points { scales: &[(50, None)], histogram: Pcl },
-            Points { scales: &[(100, None)], histogram: Pcl },
-            Points { scales: &[(250, None)], histogram: Pcl },
-            Points { scales: &[(50, None)], histogram: Open3d },
-            Points { scales: &[(150, None)], histogram: Open3d },
-            Points { scales: &[(50, Some(10))], histogram: Pcl },
-            Points { scales: &[(100, Some(10))], histogram: Pcl },
-            Points { scales: &[(150, Some(10))], histogram: Pcl },
-            Points { scales: &[(250, Some(10))], histogram: Pcl },
-            Points { scales: &[(150, Some(10))], histogram: Open3d },
-            Points { scales: &SAME, histogram: Pcl },
-            Points { scales: &SAME, histogram: Open3d },
-            Points { scales: &OWN, histogram: Pcl },
-            Points { scales: &OWN, histogram: Open3d },
-            Points {
+            DescriptorSetup { scales: &[(150, None)], histogram: Pcl },
+            DescriptorSetup { scales: &[(50, None)], histogram: Pcl },
+            DescriptorSetup { scales: &[(100, None)], histogram: Pcl },
+            DescriptorSetup { scales: &[(250, None)], histogram: Pcl },
+            DescriptorSetup { scales: &[(50, None)], histogram: Open3d },
+            DescriptorSetup { scales: &[(150, None)], histogram: Open3d },
+            DescriptorSetup { scales: &[(50, Some(10))], histogram: Pcl },
+            DescriptorSetup { scales: &[(100, Some(10))], histogram: Pcl },
+            DescriptorSetup { scales: &[(150, Some(10))], histogram: Pcl },
+            DescriptorSetup { scales: &[(250, Some(10))], histogram: Pcl },
+            DescriptorSetup { scales: &[(150, Some(10))], histogram: Open3d },
+            DescriptorSetup { scales: &SAME, histogram: Pcl },
+            DescriptorSetup { scales: &SAME, histogram: Open3d },
+            DescriptorSetup { scales: &OWN, histogram: Pcl },
+            DescriptorSetup { scales: &OWN, histogram: Open3d },
+            DescriptorSetup {
                 scales: &[(200, Some(10)), (200, Some(50)), (200, Some(150))],
                 histogram: Open3d,
             },
@@ -135,9 +135,9 @@ impl Points {
 
 /// A place of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct GridPoint {
     /// How points are described.
-    pub points: Points,
+    pub points: DescriptorSetup,
     /// The kernel.
     pub kernel: WeightScheme,
     /// Its bandwidth.
@@ -162,10 +162,10 @@ const NORMALIZATIONS: [Normalization; 5] = [
     Normalization::Sinkhorn(3),
 ];
 
-impl Place {
+impl GridPoint {
     /// The paper's.
-    pub const PAPER: Place = Place {
-        points: Points::ALL[0],
+    pub const PAPER: GridPoint = GridPoint {
+        points: DescriptorSetup::ALL[0],
         kernel: WeightScheme::Gaussian,
         beta: Bandwidth::Fixed(100.0),
         normalize: Normalization::None,
@@ -173,24 +173,24 @@ impl Place {
 
     /// [`Cf::multiscale`](cfreg::method::Cf::multiscale): within the interval of the first of
     /// the study, and the one of those that also holds under noise.
-    pub const BEST: Place = Place {
-        points: Points::ALL[14],
+    pub const BEST: GridPoint = GridPoint {
+        points: DescriptorSetup::ALL[14],
         kernel: WeightScheme::Gaussian,
         beta: Bandwidth::Auto(Bandwidth::DEFAULT_SHARE),
         normalize: Normalization::Both,
     };
 
     /// From the paper's to the best, one choice at a time.
-    pub const STEPS: [Place; 6] = {
-        let normalized = Place { normalize: Normalization::Both, ..Place::PAPER };
-        let adapted = Place { beta: Place::BEST.beta, ..normalized };
+    pub const STEPS: [GridPoint; 6] = {
+        let normalized = GridPoint { normalize: Normalization::Both, ..GridPoint::PAPER };
+        let adapted = GridPoint { beta: GridPoint::BEST.beta, ..normalized };
         [
-            Place::PAPER,
+            GridPoint::PAPER,
             normalized,
             adapted,
-            Place { points: Points::ALL[8], ..adapted },
-            Place { points: Points::ALL[10], ..adapted },
-            Place::BEST,
+            GridPoint { points: DescriptorSetup::ALL[8], ..adapted },
+            GridPoint { points: DescriptorSetup::ALL[10], ..adapted },
+            GridPoint::BEST,
         ]
     };
 
@@ -205,13 +205,13 @@ impl Place {
     ];
 
     /// Every place of the grid, or a few of it.
-    pub fn grid(few: bool) -> Vec<Place> {
+    pub fn grid(few: bool) -> Vec<GridPoint> {
         // The uniform kernel has but one place: it has neither bandwidth nor descriptors.
         let uniform = WeightScheme::Uniform;
-        let mut places = vec![Place { kernel: uniform, ..Place::PAPER }];
+        let mut places = vec![GridPoint { kernel: uniform, ..GridPoint::PAPER }];
         let (points, kernels) = match few {
-            true => ([0, 8, 10, 14].map(|at| Points::ALL[at]).to_vec(), 1),
-            false => (Points::ALL.to_vec(), WeightScheme::ALL.len()),
+            true => ([0, 8, 10, 14].map(|at| DescriptorSetup::ALL[at]).to_vec(), 1),
+            false => (DescriptorSetup::ALL.to_vec(), WeightScheme::ALL.len()),
         };
         let kernels = WeightScheme::ALL[..kernels].iter().filter(|&&kernel| kernel != uniform);
         for &points in &points {
@@ -223,7 +223,7 @@ impl Place {
                         Bandwidth::Fixed(beta) => Bandwidth::Fixed(unit * beta),
                         auto => auto,
                     };
-                    let at = |normalize| Place { points, kernel, beta, normalize };
+                    let at = |normalize| GridPoint { points, kernel, beta, normalize };
                     places.extend(NORMALIZATIONS.map(at));
                 }
             }
@@ -233,7 +233,7 @@ impl Place {
 
     /// For tables: description, kernel, bandwidth, normalisation.
     pub fn name(&self) -> String {
-        let Place { points, kernel, beta, normalize } = self;
+        let GridPoint { points, kernel, beta, normalize } = self;
         format!("{} | {kernel} | {beta} | {normalize}", points.name())
     }
 }
@@ -246,19 +246,20 @@ mod tests {
     #[test]
     fn places_have_names_of_their_own_and_the_two_that_matter_are_there() {
         for few in [false, true] {
-            let grid = Place::grid(few);
-            let mut names: Vec<String> = grid.iter().map(Place::name).collect();
+            let grid = GridPoint::grid(few);
+            let mut names: Vec<String> = grid.iter().map(GridPoint::name).collect();
             names.sort();
             names.dedup();
             assert_eq!(names.len(), grid.len());
-            assert!(Place::STEPS.iter().all(|step| grid.contains(step)));
+            assert!(GridPoint::STEPS.iter().all(|step| grid.contains(step)));
         }
-        assert_eq!(Place::BEST.name(), "100n10+200n50+400n150 open3d | gaussian | auto | both");
+        assert_eq!(GridPoint::BEST.name(), "100n10+200n50+400n150 open3d | gaussian | auto | both");
     }
 
     #[test]
     fn the_papers_place_and_the_best_are_methods() {
-        for (place, cf) in [(Place::PAPER, Cf::default()), (Place::BEST, Cf::multiscale())] {
+        for (place, cf) in [(GridPoint::PAPER, Cf::default()), (GridPoint::BEST, Cf::multiscale())]
+        {
             assert_eq!(place.points.describe(), cf.features);
             assert_eq!(place.beta, cf.bandwidth());
             assert_eq!((place.kernel, place.normalize), (cf.weights, cf.normalization));

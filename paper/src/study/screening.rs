@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::condition::{Condition, Scenes};
-use super::once;
 use super::ranking::{self, Errors};
-use super::scheme::{Place, Scheme};
-use super::trials::{self, Draws, Entrant, Outcome};
+use super::scheme::{GridPoint, Scheme};
+use super::trials::{self, Entrant, TrialDraws, TrialOutcome};
+use super::without_duplicates;
 use crate::csv_cache;
 use cfreg::error::Result;
 
@@ -40,7 +40,7 @@ pub struct ScreeningResult {
 /// Screens `grid` in one condition, or reads what was screened before.
 pub(super) fn run(
     scenes: &Scenes,
-    draws: Draws<'_>,
+    draws: TrialDraws<'_>,
     grid: &[Scheme],
     folder: &Path,
 ) -> Result<Vec<ScreeningResult>> {
@@ -54,7 +54,7 @@ pub(super) fn run(
     }
     let entrants: Vec<Entrant<'_>> = grid.iter().map(Entrant::Scheme).collect();
     let outcomes = trials::run(scenes, draws, &entrants)?;
-    let errors = Errors::of(draws.condition, &outcomes, grid.len());
+    let errors = Errors::from_outcomes(draws.condition, &outcomes, grid.len());
     let means = errors.means(0..errors.trials());
     let row = |at: usize| {
         let of = outcomes.iter().skip(at).step_by(grid.len());
@@ -69,7 +69,7 @@ fn row<'a>(
     scheme: &Scheme,
     condition: Condition,
     mean_frobenius: f64,
-    outcomes: impl Iterator<Item = &'a Outcome>,
+    outcomes: impl Iterator<Item = &'a TrialOutcome>,
 ) -> ScreeningResult {
     let mut degrees: Vec<f64> =
         outcomes.map(|outcome| outcome.rotation_deg.unwrap_or(f64::INFINITY)).collect();
@@ -77,7 +77,7 @@ fn row<'a>(
     let at = |index: usize| degrees.get(index).copied();
     let middle = [(degrees.len().max(1) - 1) / 2, degrees.len() / 2].map(at);
     let median = middle[0].zip(middle[1]).map(|(a, b)| (a + b) / 2.0).filter(|m| m.is_finite());
-    let Place { points, kernel, beta, normalize } = scheme.place.unwrap_or(Place::PAPER);
+    let GridPoint { points, kernel, beta, normalize } = scheme.place.unwrap_or(GridPoint::PAPER);
     let (kind, amount) = condition.kind();
     ScreeningResult {
         scheme: scheme.name.clone(),
@@ -104,9 +104,10 @@ pub(super) fn finalists<'a>(
     conditions: &[Condition],
     grid: &'a [Scheme],
 ) -> Vec<&'a Scheme> {
-    let at = |place: &Place| grid.iter().position(|scheme| scheme.place.as_ref() == Some(place));
-    let base = at(&Place::PAPER).unwrap_or(0);
-    let mut chosen: Vec<usize> = Place::STEPS.iter().filter_map(at).collect();
+    let at =
+        |place: &GridPoint| grid.iter().position(|scheme| scheme.place.as_ref() == Some(place));
+    let base = at(&GridPoint::PAPER).unwrap_or(0);
+    let mut chosen: Vec<usize> = GridPoint::STEPS.iter().filter_map(at).collect();
     // The grid begins with the uniform kernel.
     chosen.push(0);
     let scores = scores(screened, conditions, base);
@@ -116,7 +117,7 @@ pub(super) fn finalists<'a>(
         order.truncate(if column == 0 { BEST_OVERALL } else { BEST_OF_KIND });
         chosen.extend(order);
     }
-    once(chosen).into_iter().map(|at| &grid[at]).collect()
+    without_duplicates(chosen).into_iter().map(|at| &grid[at]).collect()
 }
 
 /// [`ranking::scores`] of all places, against the one numbered `base`.

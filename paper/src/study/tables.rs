@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use super::condition::Condition;
 use super::ranking::{self, Interval};
-use super::scheme::Place;
-use super::{BESIDE, Outcome, Study, once, screening};
-use crate::Spread;
+use super::scheme::GridPoint;
+use super::{REFERENCE_METHOD, Study, TrialOutcome, screening, without_duplicates};
+use crate::MeanStd;
 use crate::experiments::cell::Shape;
 
 const LEGEND: &str = "# Weight schemes\n\n\
@@ -36,7 +36,7 @@ pub(super) fn markdown(study: &Study) -> String {
 }
 
 fn ranking(text: &mut String, study: &Study) {
-    let kinds = study.standings.first().map_or(Vec::new(), |s| s.kinds.clone());
+    let kinds = study.rankings.first().map_or(Vec::new(), |s| s.kinds.clone());
     let kinds: Vec<&str> = kinds.iter().map(|(kind, _)| *kind).collect();
     let _ = writeln!(
         text,
@@ -46,39 +46,44 @@ fn ranking(text: &mut String, study: &Study) {
     );
     let _ = writeln!(text, "| scheme | overall | {} |", kinds.join(" | "));
     let _ = writeln!(text, "|---|---|{}", "---|".repeat(kinds.len()));
-    for standing in &study.standings {
-        let by_kind: Vec<String> = standing.kinds.iter().map(|(_, i)| shown(*i)).collect();
-        let (name, overall) = (escaped(&standing.scheme), shown(standing.overall));
+    for standing in &study.rankings {
+        let by_kind: Vec<String> =
+            standing.kinds.iter().map(|(_, i)| format_interval(*i)).collect();
+        let (name, overall) =
+            (escape_markdown(&standing.scheme), format_interval(standing.overall));
         let _ = writeln!(text, "| {name} | {overall} | {} |", by_kind.join(" | "));
     }
 }
 
 /// What a reader asks for first: the paper's scheme, the steps away from it, the winner, and
 /// the method that stands beside.
-pub(super) fn notable(study: &Study) -> Vec<String> {
-    let mut names: Vec<String> = Place::STEPS.iter().map(Place::name).collect();
-    let best = study.standings.iter().find(|standing| standing.scheme != BESIDE);
+pub(super) fn highlighted_schemes(study: &Study) -> Vec<String> {
+    let mut names: Vec<String> = GridPoint::STEPS.iter().map(GridPoint::name).collect();
+    let best = study.rankings.iter().find(|standing| standing.scheme != REFERENCE_METHOD);
     let winner = best.map(|standing| standing.scheme.clone());
     names.extend(winner);
-    names.push(BESIDE.into());
-    once(names)
+    names.push(REFERENCE_METHOD.into());
+    without_duplicates(names)
 }
 
 /// Errors of one scheme in one condition.
-pub(super) fn of<'a>(outcomes: &'a [Outcome], name: &'a str) -> impl Iterator<Item = &'a Outcome> {
+pub(super) fn outcomes_of<'a>(
+    outcomes: &'a [TrialOutcome],
+    name: &'a str,
+) -> impl Iterator<Item = &'a TrialOutcome> {
     outcomes.iter().filter(move |outcome| outcome.scheme == name)
 }
 
 fn errors(text: &mut String, study: &Study) {
-    let names = notable(study);
+    let names = highlighted_schemes(study);
     let _ = writeln!(text, "\n## Errors\n\nMean ± deviation of ‖I − R R_gtᵀ‖_F over the trials.\n");
-    let heads: Vec<String> = names.iter().map(|name| escaped(name)).collect();
+    let heads: Vec<String> = names.iter().map(|name| escape_markdown(name)).collect();
     let _ = writeln!(text, "| | {} |", heads.join(" | "));
     let _ = writeln!(text, "|---|{}", "---|".repeat(names.len()));
     for (condition, outcomes) in &study.finals {
         let cells: Vec<String> = names
             .iter()
-            .map(|name| mean(of(outcomes, name).map(Outcome::error).collect()))
+            .map(|name| mean(outcomes_of(outcomes, name).map(TrialOutcome::error).collect()))
             .collect();
         let _ = writeln!(text, "| {condition} | {} |", cells.join(" | "));
     }
@@ -93,12 +98,13 @@ fn shapes(text: &mut String, study: &Study) {
     let _ = writeln!(text, "\n## Independent samples, by shape\n");
     let _ = writeln!(text, "| | {} |", Shape::ALL.map(|shape| shape.to_string()).join(" | "));
     let _ = writeln!(text, "|---|{}", "---|".repeat(Shape::ALL.len()));
-    for name in notable(study) {
+    for name in highlighted_schemes(study) {
         let cell = |shape: Shape| {
-            let of = of(outcomes, &name).filter(|outcome| outcome.shape == shape);
-            mean(of.map(Outcome::error).collect())
+            let of = outcomes_of(outcomes, &name).filter(|outcome| outcome.shape == shape);
+            mean(of.map(TrialOutcome::error).collect())
         };
-        let _ = writeln!(text, "| {} | {} |", escaped(&name), Shape::ALL.map(cell).join(" | "));
+        let _ =
+            writeln!(text, "| {} | {} |", escape_markdown(&name), Shape::ALL.map(cell).join(" | "));
     }
 }
 
@@ -106,8 +112,8 @@ fn shapes(text: &mut String, study: &Study) {
 fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     let places = study.screened.len() / conditions.len().max(1);
     let rows = &study.screened[..places];
-    let at = |place: Place| rows.iter().position(|row| row.scheme == place.name());
-    let (Some(base), Some(unchanged)) = (at(Place::PAPER), at(Place::BEST)) else { return };
+    let at = |place: GridPoint| rows.iter().position(|row| row.scheme == place.name());
+    let (Some(base), Some(unchanged)) = (at(GridPoint::PAPER), at(GridPoint::BEST)) else { return };
     let best = &rows[unchanged];
     let scores = screening::scores(&study.screened, conditions, base);
     let kinds = ranking::kinds(conditions);
@@ -137,14 +143,15 @@ fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
 }
 
 fn mean(errors: Vec<f64>) -> String {
-    Spread::of(&errors).map_or("none".into(), |s| format!("{:.3} ± {:.3}", s.mean, s.deviation))
+    MeanStd::from_values(&errors)
+        .map_or("none".into(), |s| format!("{:.3} ± {:.3}", s.mean, s.deviation))
 }
 
-fn shown(Interval { value, low, high }: Interval) -> String {
+fn format_interval(Interval { value, low, high }: Interval) -> String {
     format!("{value:.2} [{low:.2}, {high:.2}]")
 }
 
 /// The bar is the table's own sign.
-fn escaped(name: &str) -> String {
+fn escape_markdown(name: &str) -> String {
     name.replace('|', "\\|")
 }

@@ -17,21 +17,21 @@ pub(super) enum Entrant<'a> {
     /// Weights once, one solve.
     Scheme(&'a Scheme),
     /// A method to stand beside, by a name for tables.
-    Beside(&'static str, Box<Method>),
+    Reference(&'static str, Box<Method>),
 }
 
 impl Entrant<'_> {
     pub(super) fn name(&self) -> &str {
         match self {
             Entrant::Scheme(scheme) => &scheme.name,
-            Entrant::Beside(name, _) => name,
+            Entrant::Reference(name, _) => name,
         }
     }
 }
 
 /// What one entrant made of one trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct TrialOutcome {
     /// Name of the scheme, or of the method that stands beside.
     pub scheme: String,
     /// Number of the trial.
@@ -44,7 +44,7 @@ pub struct Outcome {
     pub frobenius: Option<f64>,
 }
 
-impl Outcome {
+impl TrialOutcome {
     /// The paper's measure of a rotation; without an answer that of a half turn.
     pub fn error(&self) -> f64 {
         self.frobenius.unwrap_or(8f64.sqrt())
@@ -53,7 +53,7 @@ impl Outcome {
 
 /// Where trials come from: all that their outcomes depend on, but for the schemes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Draws<'a> {
+pub(super) struct TrialDraws<'a> {
     pub(super) condition: Condition,
     pub(super) points: usize,
     pub(super) seed: u64,
@@ -63,9 +63,9 @@ pub(super) struct Draws<'a> {
     models: &'a str,
 }
 
-impl<'a> Draws<'a> {
+impl<'a> TrialDraws<'a> {
     pub(super) fn new(scenes: &'a Scenes, condition: Condition, seed: u64, trials: usize) -> Self {
-        Draws {
+        TrialDraws {
             condition,
             points: POINTS,
             seed,
@@ -86,19 +86,19 @@ const POINTS: usize = 500;
 /// Those of [`Scenes::trial`]; an entrant without an answer is an outcome.
 pub(super) fn run(
     scenes: &Scenes,
-    draws: Draws<'_>,
+    draws: TrialDraws<'_>,
     entrants: &[Entrant<'_>],
-) -> Result<Vec<Outcome>> {
+) -> Result<Vec<TrialOutcome>> {
     let one = |number: usize| {
-        let Draws { condition, points, seed, .. } = draws;
+        let TrialDraws { condition, points, seed, .. } = draws;
         let number = number as u64;
         let Some((shape, trial)) = scenes.trial(condition, points, seed, number)? else {
             return Ok(Vec::new());
         };
-        let mut pair = Pair { trial: &trial, connections: Vec::new() };
+        let mut pair = TrialConnections { trial: &trial, connections: Vec::new() };
         let outcome = |entrant: &Entrant<'_>| {
             let error = pair.pose(entrant).ok().map(|pose| trial.error(&pose));
-            Outcome {
+            TrialOutcome {
                 scheme: entrant.name().into(),
                 trial: number,
                 shape,
@@ -113,15 +113,15 @@ pub(super) fn run(
 }
 
 /// A trial, and its full connections by how points are described.
-struct Pair<'a> {
+struct TrialConnections<'a> {
     trial: &'a Trial,
     connections: Vec<(FeatureConfig, FullConnection)>,
 }
 
-impl Pair<'_> {
+impl TrialConnections<'_> {
     fn pose(&mut self, entrant: &Entrant<'_>) -> Result<cfreg::Transform> {
         match entrant {
-            Entrant::Beside(_, method) => {
+            Entrant::Reference(_, method) => {
                 Ok(method.register(&self.trial.source, &self.trial.target)?.transform)
             }
             Entrant::Scheme(scheme) => {

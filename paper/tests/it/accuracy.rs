@@ -6,7 +6,7 @@ use crate::common;
 fn a_real_scan_gives_the_papers_accuracy_and_three_scales_a_third_of_the_error() {
     let Some(data) = common::shared_data() else { return };
     let model = cfreg::io::read(data.join("stanford_bunny/bun000.ply")).unwrap().into();
-    let settings = cfreg_paper::accuracy::Settings { trials: 30, ..Default::default() };
+    let settings = cfreg_paper::accuracy::AccuracySettings { trials: 30, ..Default::default() };
     let mean = |name: &str| {
         let method: cfreg::method::Method = name.parse().unwrap();
         let report = cfreg_paper::accuracy::run(&model, &method, settings, |_| {}).unwrap();

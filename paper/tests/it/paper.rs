@@ -8,7 +8,7 @@ use std::path::Path;
 
 use cfreg::Error;
 use cfreg_paper::experiments::{
-    Options, Part,
+    ExperimentOptions, ExperimentPart,
     cell::{Shape, Test},
     pairs, run,
 };
@@ -25,7 +25,12 @@ fn a_smoke_run_is_whole_and_goes_on_where_it_was_cut() {
     let Some(data) = common::shared_data() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().to_path_buf();
-    let options = Options { data, output, smoke: true, only: Some(Part::Test(Test::Robustness)) };
+    let options = ExperimentOptions {
+        data,
+        output,
+        smoke: true,
+        only: Some(ExperimentPart::Test(Test::Robustness)),
+    };
     let results = run(&options, |_, _| {}).unwrap().results;
     // Three readings, two motions, eight contenders.
     assert_eq!(results.len(), 48);
@@ -51,7 +56,7 @@ fn pairs_are_written_once_for_all_contenders() {
     let Some(data) = common::shared_data() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("results");
-    let options = Options { data, output, smoke: true, only: None };
+    let options = ExperimentOptions { data, output, smoke: true, only: None };
     let written = folder.path().join("pairs");
     pairs::write(&options, &written).unwrap();
     // One shape and three, two motions; nothing is registered.
@@ -70,7 +75,7 @@ fn pairs_are_written_once_for_all_contenders() {
 fn missing_scans_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let (data, output) = (folder.path().join("nowhere"), folder.path().join("results"));
-    let options = Options { data, output: output.clone(), smoke: true, only: None };
+    let options = ExperimentOptions { data, output: output.clone(), smoke: true, only: None };
     match run(&options, |_, _| {}) {
         Err(error @ Error::Io { .. }) => assert!(error.to_string().contains("bun000.ply")),
         other => panic!("{other:?}"),
@@ -85,8 +90,8 @@ fn what_is_there_is_run_and_the_rest_is_named() {
     let (bunny, output) = (folder.path().join("scans"), folder.path().join("results"));
     fs::create_dir(&bunny).unwrap();
     fs::copy(data.join("stanford_bunny/bun000.ply"), bunny.join("bun000.ply")).unwrap();
-    let only = Some(Part::Test(Test::Accuracy));
-    let options = Options { data: bunny, output, smoke: true, only };
+    let only = Some(ExperimentPart::Test(Test::Accuracy));
+    let options = ExperimentOptions { data: bunny, output, smoke: true, only };
     let done = run(&options, |_, _| {}).unwrap();
     assert!(!done.results.is_empty());
     assert!(done.results.values().all(|(cell, _)| cell.shape == Shape::Bunny));
@@ -99,7 +104,12 @@ fn the_table_of_readings_goes_on_from_what_is_there() {
     let Some(data) = common::shared_data() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().to_path_buf();
-    let options = Options { data, output: output.clone(), smoke: true, only: Some(Part::Readings) };
+    let options = ExperimentOptions {
+        data,
+        output: output.clone(),
+        smoke: true,
+        only: Some(ExperimentPart::Interpretations),
+    };
     let done = run(&options, |_, _| {}).unwrap();
     assert!(done.left_out.is_empty() && !done.results.is_empty());
     let table = fs::read_to_string(output.join("readings.md")).unwrap();

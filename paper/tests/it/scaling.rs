@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::fs;
 
 use cfreg::Error;
-use cfreg_paper::scaling::{Limit, METHODS, Meter, Options, Run, run};
+use cfreg_paper::scaling::{METHODS, Meter, Run, RunLimit, ScalingOptions, run};
 use std::process::Command;
 
 #[test]
@@ -31,7 +31,7 @@ fn the_smoke_run_measures_every_method_and_is_not_made_again() {
     assert_eq!(fs::read(output.join("scaling.csv")).unwrap(), written, "times again");
 
     // The library reads what the program measured; what the meter tells is not asked for.
-    let options = Options::new(data, output.to_path_buf(), true);
+    let options = ScalingOptions::new(data, output.to_path_buf(), true);
     let meter = Meter { start: || panic!("measured again"), peak: || 0 };
     let runs = run(&options, Some(meter), |_, _| {}).unwrap();
     let at = |method: &str, points: usize| -> &Run {
@@ -53,8 +53,8 @@ fn sizes_end_at_the_limit_and_other_settings_are_measured_anew() {
     let Some(data) = common::shared_data() else { return };
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().to_path_buf();
-    let limit = Limit { seconds: 60.0, bytes: 1 << 30 };
-    let whole = Options { data, output, sizes: vec![60, 120], limit };
+    let limit = RunLimit { seconds: 60.0, bytes: 1 << 30 };
+    let whole = ScalingOptions { data, output, sizes: vec![60, 120], limit };
     let calls = Cell::new(0);
     let count = |_, _| calls.set(calls.get() + 1);
     let runs = run(&whole, None, count).unwrap();
@@ -63,10 +63,10 @@ fn sizes_end_at_the_limit_and_other_settings_are_measured_anew() {
     assert!(runs.iter().all(|run| run.bytes.is_none()));
     assert_eq!(run(&whole, None, |_, _| panic!("measured again")).unwrap(), runs);
     // No time at all: the first size alone, which nothing foretells.
-    let short = Options { limit: Limit { seconds: 0.0, ..limit }, ..whole.clone() };
+    let short = ScalingOptions { limit: RunLimit { seconds: 0.0, ..limit }, ..whole.clone() };
     let runs = run(&short, None, |_, _| {}).unwrap();
     assert!(runs.len() == METHODS.len() && runs.iter().all(|run| run.points == 60));
-    let shrinking = Options { sizes: vec![120, 60], ..whole };
+    let shrinking = ScalingOptions { sizes: vec![120, 60], ..whole };
     match run(&shrinking, None, |_, _| {}) {
         Err(Error::Config { field: "sizes", .. }) => {}
         other => panic!("{other:?}"),

@@ -9,14 +9,14 @@ use cfreg::cloud::shape::boulder;
 use cfreg::method::FeatureConfig;
 use cfreg::weight::Normalization;
 use cfreg_paper::experiments::cell::Shape;
-use cfreg_paper::study::{Options, Scenes, Scheme, Study, run};
+use cfreg_paper::study::{Scenes, Scheme, Study, StudyOptions, run};
 
 fn scenes() -> Scenes {
     Scenes::new(vec![(Shape::Bunny, boulder().into())], vec![(Shape::Bunny, boulder())]).unwrap()
 }
 
 fn study(output: &Path, own: Vec<Scheme>) -> Result<Study, Error> {
-    run(&Options { output: output.to_path_buf(), smoke: true, own }, &scenes(), |_, _| {})
+    run(&StudyOptions { output: output.to_path_buf(), smoke: true, own }, &scenes(), |_, _| {})
 }
 
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -34,7 +34,7 @@ fn a_scheme_of_ones_own_takes_part() {
     });
     let folder = tempfile::tempdir().unwrap();
     let study = study(folder.path(), vec![mine]).unwrap();
-    let of = |name: &str| study.standings.iter().find(|s| s.scheme == name).unwrap().overall;
+    let of = |name: &str| study.rankings.iter().find(|s| s.scheme == name).unwrap().overall;
     let (mine, paper) = (of("quartic"), of("150 | gaussian | 100 | none"));
     assert_eq!(paper.value, 1.0);
     assert!(mine.low <= mine.value && mine.value <= mine.high && mine.value < 3.0, "{mine:?}");

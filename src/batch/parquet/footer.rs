@@ -4,11 +4,11 @@
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-use super::thrift::{Kind, Result, Thrift};
+use super::thrift::{Result, Thrift, ThriftType};
 
 /// Metadata of a column that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Physical {
+pub(super) enum PhysicalType {
     Flag,
     Int32,
     Int64,
@@ -17,35 +17,35 @@ pub(super) enum Physical {
     Text,
 }
 
-impl Physical {
+impl PhysicalType {
     /// Least bytes of a value of a dictionary.
-    pub(super) fn smallest(self) -> usize {
+    pub(super) fn min_bytes(self) -> usize {
         match self {
-            Physical::Flag => 1,
-            Physical::Int32 | Physical::Float => 4,
+            PhysicalType::Flag => 1,
+            PhysicalType::Int32 | PhysicalType::Float => 4,
             // Its length is before a text.
-            Physical::Text => 4,
-            Physical::Int64 | Physical::Double => 8,
+            PhysicalType::Text => 4,
+            PhysicalType::Int64 | PhysicalType::Double => 8,
         }
     }
 }
 
 /// A column that is wanted.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Leaf {
+pub(super) struct LeafColumn {
     /// Which of the wanted ones it is.
     pub(super) wanted: usize,
     /// Which of all columns of the file.
     at: usize,
     /// `None` for what is not read: nested columns, dates, decimals and the like.
-    pub(super) physical: Option<Physical>,
+    pub(super) physical: Option<PhysicalType>,
     pub(super) optional: bool,
     pub(super) unsigned: bool,
 }
 
 /// Where the values of a column are, for the rows of one group.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Chunk {
+pub(super) struct ColumnChunk {
     pub(super) start: u64,
     pub(super) length: usize,
     pub(super) snappy: bool,
@@ -53,23 +53,23 @@ pub(super) struct Chunk {
 
 /// Some thousand rows, or however many were written together.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Group {
+pub(super) struct RowGroup {
     pub(super) rows: u64,
     /// One for each of the [`leaves`](Footer::leaves).
-    pub(super) chunks: Vec<Chunk>,
+    pub(super) chunks: Vec<ColumnChunk>,
 }
 
 #[derive(Debug, Default)]
 pub(super) struct Footer {
-    pub(super) leaves: Vec<Leaf>,
-    pub(super) groups: Vec<Group>,
+    pub(super) leaves: Vec<LeafColumn>,
+    pub(super) groups: Vec<RowGroup>,
     /// The value of the key that was asked for, in the metadata of the file.
-    pub(super) fact: Option<String>,
+    pub(super) metadata_value: Option<String>,
 }
 
 const MAGIC: &[u8; 4] = b"PAR1";
 /// Length of the footer, and the magic bytes.
-const TAIL: u64 = 8;
+const TAIL_BYTES: u64 = 8;
 
 impl Footer {
     /// Reads the footer of a file of `size` bytes with what it says of the columns `wanted`, and
@@ -83,18 +83,18 @@ impl Footer {
         wanted: &[&str],
         key: &str,
     ) -> std::io::Result<Result<Footer>> {
-        if size < TAIL + MAGIC.len() as u64 {
+        if size < TAIL_BYTES + MAGIC.len() as u64 {
             return Ok(Err(format!("it has {size} bytes")));
         }
-        let mut tail = [0; TAIL as usize];
-        file.seek(SeekFrom::Start(size - TAIL))?;
+        let mut tail = [0; TAIL_BYTES as usize];
+        file.seek(SeekFrom::Start(size - TAIL_BYTES))?;
         file.read_exact(&mut tail)?;
         let [a, b, c, d, magic @ ..] = tail;
         if &magic != MAGIC {
             return Ok(Err("it does not end in PAR1".into()));
         }
         let length = u64::from(u32::from_le_bytes([a, b, c, d]));
-        let Some(start) = (size - TAIL).checked_sub(length).filter(|&at| at >= 4) else {
+        let Some(start) = (size - TAIL_BYTES).checked_sub(length).filter(|&at| at >= 4) else {
             return Ok(Err(format!("a footer of {length} bytes in a file of {size}")));
         };
         let mut bytes = vec![0; length as usize];
@@ -111,25 +111,25 @@ impl Footer {
         let mut held = 0;
         Thrift::new(bytes).fields(|thrift, field, kind| {
             match (field, kind) {
-                (2, Kind::List) => {
+                (2, ThriftType::List) => {
                     let mut schema = Schema::default();
                     thrift.list(|thrift, _| schema.element(thrift, wanted))?;
                     columns = Some(schema.columns);
                     footer.leaves = schema.leaves;
                 }
-                (4, Kind::List) => {
+                (4, ThriftType::List) => {
                     let columns = columns.ok_or("its columns come after their places")?;
                     thrift.list(|thrift, _| {
-                        let group = group(thrift, &footer.leaves, columns, end)?;
+                        let group = read_row_group(thrift, &footer.leaves, columns, end)?;
                         held += group.chunks.iter().map(|chunk| chunk.length as u64).sum::<u64>();
                         footer.groups.push(group);
                         Ok(())
                     })?;
                 }
-                (5, Kind::List) => thrift.list(|thrift, _| {
-                    let (name, value) = fact(thrift)?;
+                (5, ThriftType::List) => thrift.list(|thrift, _| {
+                    let (name, value) = read_key_value(thrift)?;
                     if name == key.as_bytes() {
-                        footer.fact = String::from_utf8(value.to_vec()).ok();
+                        footer.metadata_value = String::from_utf8(value.to_vec()).ok();
                     }
                     Ok(())
                 })?,
@@ -144,7 +144,7 @@ impl Footer {
     }
 
     /// The column that is the wanted one of that number.
-    pub(super) fn leaf(&self, wanted: usize) -> Option<&Leaf> {
+    pub(super) fn leaf(&self, wanted: usize) -> Option<&LeafColumn> {
         self.leaves.iter().find(|leaf| leaf.wanted == wanted)
     }
 }
@@ -156,7 +156,7 @@ struct Schema {
     open: Vec<i64>,
     begun: bool,
     columns: usize,
-    leaves: Vec<Leaf>,
+    leaves: Vec<LeafColumn>,
 }
 
 impl Schema {
@@ -165,11 +165,11 @@ impl Schema {
         let mut name: &[u8] = &[];
         thrift.fields(|thrift, field, kind| {
             match (field, kind) {
-                (1, Kind::Integer) => physical = Some(thrift.integer()?),
-                (3, Kind::Integer) => repetition = thrift.integer()?,
-                (4, Kind::Binary) => name = thrift.binary()?,
-                (5, Kind::Integer) => children = thrift.integer()?,
-                (6, Kind::Integer) => converted = Some(thrift.integer()?),
+                (1, ThriftType::Integer) => physical = Some(thrift.integer()?),
+                (3, ThriftType::Integer) => repetition = thrift.integer()?,
+                (4, ThriftType::Binary) => name = thrift.binary()?,
+                (5, ThriftType::Integer) => children = thrift.integer()?,
+                (6, ThriftType::Integer) => converted = Some(thrift.integer()?),
                 _ => return Ok(false),
             }
             Ok(true)
@@ -193,17 +193,17 @@ impl Schema {
             // Whole numbers as such or of so many bits, with a sign or without.
             let whole = matches!(converted, None | Some(11..=18));
             let physical = match physical.filter(|_| repetition < 2 && !group) {
-                Some(0) => Some(Physical::Flag),
-                Some(1) if whole => Some(Physical::Int32),
-                Some(2) if whole => Some(Physical::Int64),
-                Some(4) => Some(Physical::Float),
-                Some(5) => Some(Physical::Double),
-                Some(6) if converted != Some(5) => Some(Physical::Text),
+                Some(0) => Some(PhysicalType::Flag),
+                Some(1) if whole => Some(PhysicalType::Int32),
+                Some(2) if whole => Some(PhysicalType::Int64),
+                Some(4) => Some(PhysicalType::Float),
+                Some(5) => Some(PhysicalType::Double),
+                Some(6) if converted != Some(5) => Some(PhysicalType::Text),
                 _ => None,
             };
             let unsigned = matches!(converted, Some(11..=14));
             let (at, optional) = (self.columns, repetition == 1);
-            self.leaves.push(Leaf { wanted, at, physical, optional, unsigned });
+            self.leaves.push(LeafColumn { wanted, at, physical, optional, unsigned });
         }
         match group {
             true => self.open.push(children),
@@ -214,12 +214,12 @@ impl Schema {
 }
 
 /// An entry of the metadata of a file: a name and a value.
-fn fact<'a>(thrift: &mut Thrift<'a>) -> Result<(&'a [u8], &'a [u8])> {
+fn read_key_value<'a>(thrift: &mut Thrift<'a>) -> Result<(&'a [u8], &'a [u8])> {
     let (mut name, mut value): (&[u8], &[u8]) = (&[], &[]);
     thrift.fields(|thrift, field, kind| {
         match (field, kind) {
-            (1, Kind::Binary) => name = thrift.binary()?,
-            (2, Kind::Binary) => value = thrift.binary()?,
+            (1, ThriftType::Binary) => name = thrift.binary()?,
+            (2, ThriftType::Binary) => value = thrift.binary()?,
             _ => return Ok(false),
         }
         Ok(true)
@@ -227,19 +227,24 @@ fn fact<'a>(thrift: &mut Thrift<'a>) -> Result<(&'a [u8], &'a [u8])> {
     Ok((name, value))
 }
 
-fn group(thrift: &mut Thrift<'_>, leaves: &[Leaf], columns: usize, end: u64) -> Result<Group> {
+fn read_row_group(
+    thrift: &mut Thrift<'_>,
+    leaves: &[LeafColumn],
+    columns: usize,
+    end: u64,
+) -> Result<RowGroup> {
     let (mut rows, mut chunks, mut column) = (None, vec![None; leaves.len()], 0);
     thrift.fields(|thrift, field, kind| {
         match (field, kind) {
-            (1, Kind::List) => thrift.list(|thrift, kind| {
+            (1, ThriftType::List) => thrift.list(|thrift, kind| {
                 match leaves.iter().position(|leaf| leaf.at == column) {
-                    Some(leaf) => chunks[leaf] = Some(chunk(thrift, end)?),
+                    Some(leaf) => chunks[leaf] = Some(read_column_chunk(thrift, end)?),
                     None => thrift.skip(kind)?,
                 }
                 column += 1;
                 Ok(())
             })?,
-            (3, Kind::Integer) => rows = Some(thrift.integer()?),
+            (3, ThriftType::Integer) => rows = Some(thrift.integer()?),
             _ => return Ok(false),
         }
         Ok(true)
@@ -257,23 +262,23 @@ fn group(thrift: &mut Thrift<'_>, leaves: &[Leaf], columns: usize, end: u64) -> 
             return Err(format!("a column has {values} values in {rows} rows"));
         }
     }
-    Ok(Group { rows, chunks: placed })
+    Ok(RowGroup { rows, chunks: placed })
 }
 
 /// Where a column of a group is, and how many values it has.
-fn chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(Chunk, u64)> {
+fn read_column_chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(ColumnChunk, u64)> {
     let (mut codec, mut values, mut length, mut data, mut dictionary) = (0, -1, -1, -1, None);
     let mut elsewhere = false;
     thrift.fields(|thrift, field, kind| {
         match (field, kind) {
-            (1, Kind::Binary) => elsewhere = !thrift.binary()?.is_empty(),
-            (3, Kind::Struct) => thrift.fields(|thrift, field, kind| {
+            (1, ThriftType::Binary) => elsewhere = !thrift.binary()?.is_empty(),
+            (3, ThriftType::Struct) => thrift.fields(|thrift, field, kind| {
                 match (field, kind) {
-                    (4, Kind::Integer) => codec = thrift.integer()?,
-                    (5, Kind::Integer) => values = thrift.integer()?,
-                    (7, Kind::Integer) => length = thrift.integer()?,
-                    (9, Kind::Integer) => data = thrift.integer()?,
-                    (11, Kind::Integer) => dictionary = Some(thrift.integer()?),
+                    (4, ThriftType::Integer) => codec = thrift.integer()?,
+                    (5, ThriftType::Integer) => values = thrift.integer()?,
+                    (7, ThriftType::Integer) => length = thrift.integer()?,
+                    (9, ThriftType::Integer) => data = thrift.integer()?,
+                    (11, ThriftType::Integer) => dictionary = Some(thrift.integer()?),
                     _ => return Ok(false),
                 }
                 Ok(true)
@@ -302,7 +307,7 @@ fn chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(Chunk, u64)> {
         1 => true,
         _ => return Err(format!("its compression is {}: use none or Snappy", codec_name(codec))),
     };
-    Ok((Chunk { start, length, snappy }, values))
+    Ok((ColumnChunk { start, length, snappy }, values))
 }
 
 fn codec_name(codec: i64) -> String {

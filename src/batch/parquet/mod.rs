@@ -24,7 +24,7 @@ use parquet::data_type::{
 use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
 use serde_json::Value;
 
-use self::footer::{Footer, Leaf, Physical};
+use self::footer::{Footer, LeafColumn, PhysicalType};
 use self::pages::Pages;
 pub(super) use self::write::write;
 use super::{Row, panic_hook};
@@ -32,34 +32,34 @@ use crate::error::{Error, Result};
 use crate::io::limited_file::MemoryBudget;
 
 /// Under which a file has what its run was asked for.
-const KEY: &str = "cfreg";
+const METADATA_KEY: &str = "cfreg";
 /// Most rows that are decoded at once, and bytes that their texts may take.
-const AT_ONCE: usize = 1024;
-const TEXTS: usize = 8 << 20;
+const MAX_ROWS_AT_ONCE: usize = 1024;
+const MAX_TEXT_BYTES_AT_ONCE: usize = 8 << 20;
 /// Most bytes of a text. Chosen by hand: names and reasons are some hundred bytes long.
-const TEXT: usize = 1 << 20;
+const MAX_TEXT_BYTES: usize = 1 << 20;
 
 /// Calls `take` with the number (from 1) and the two `columns` of each row.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet or has no such columns of text.
-pub(super) fn pairs(
+pub(super) fn read_pairs(
     path: &Path,
     columns: [&str; 2],
     mut take: impl FnMut(usize, [&str; 2]) -> Result<()>,
 ) -> Result<()> {
-    guarded(path, |table| {
+    with_open_file(path, |table| {
         let mut table = table.open(&columns)?;
         for (wanted, name) in columns.iter().enumerate() {
             match table.footer.leaf(wanted) {
-                None => return Err(wrong(path, format!("no column {name}"))),
-                Some(leaf) if leaf.physical != Some(Physical::Text) => {
-                    return Err(wrong(path, format!("the column {name} is not of strings")));
+                None => return Err(parse_error(path, format!("no column {name}"))),
+                Some(leaf) if leaf.physical != Some(PhysicalType::Text) => {
+                    return Err(parse_error(path, format!("the column {name} is not of strings")));
                 }
                 Some(_) => {}
             }
         }
-        table.each(|number, cells| {
+        table.for_each_row(|number, cells| {
             let text = |wanted: usize| match cells(wanted) {
                 Some(Value::String(text)) => text.as_str(),
                 _ => "",
@@ -73,18 +73,18 @@ pub(super) fn pairs(
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet.
-pub(super) fn rows(
+pub(super) fn read_rows(
     path: &Path,
     mut take: impl FnMut(usize, &dyn Fn(&str) -> Option<Value>) -> Result<()>,
 ) -> Result<()> {
-    guarded(path, |table| {
+    with_open_file(path, |table| {
         let row = Row::default();
-        let cells = row.cells(true);
+        let cells = row.column_values(true);
         let names: Vec<&str> = cells.iter().map(|(name, _)| name.as_str()).collect();
         let wanted: HashMap<&str, usize> = names.iter().copied().zip(0..).collect();
         table
             .open(&names)?
-            .each(|number, cells| take(number, &|name| cells(*wanted.get(name)?).cloned()))
+            .for_each_row(|number, cells| take(number, &|name| cells(*wanted.get(name)?).cloned()))
     })
 }
 
@@ -92,15 +92,15 @@ pub(super) fn rows(
 ///
 /// # Errors
 /// Those of [`rows`].
-pub(super) fn asked_for(path: &Path) -> Result<Option<Value>> {
-    guarded(path, |table| {
-        let fact = table.open(&[])?.footer.fact;
+pub(super) fn read_run_header(path: &Path) -> Result<Option<Value>> {
+    with_open_file(path, |table| {
+        let fact = table.open(&[])?.footer.metadata_value;
         Ok(fact.and_then(|fact| serde_json::from_str(&fact).ok()))
     })
 }
 
 /// Calls `work` with a file. The crate is not proof against every file that was made to break it.
-fn guarded<T>(path: &Path, work: impl FnOnce(Closed<'_>) -> Result<T>) -> Result<T> {
+fn with_open_file<T>(path: &Path, work: impl FnOnce(UnreadFile<'_>) -> Result<T>) -> Result<T> {
     let failed = |error| Error::io(path, error);
     let facts = fs::metadata(path).map_err(failed)?;
     if !facts.is_file() {
@@ -109,43 +109,49 @@ fn guarded<T>(path: &Path, work: impl FnOnce(Closed<'_>) -> Result<T>) -> Result
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, what)));
     }
     let file = File::open(path).map_err(failed)?;
-    panic_hook::caught(|| work(Closed { path, file, size: facts.len() }))
-        .unwrap_or_else(|_| Err(unreadable(path, "the decoder fails on it".into())))
+    panic_hook::catch_panic(|| work(UnreadFile { path, file, size: facts.len() }))
+        .unwrap_or_else(|_| Err(unreadable_error(path, "the decoder fails on it".into())))
 }
 
-fn unreadable(path: &Path, what: String) -> Error {
-    wrong(path, format!("is not Parquet that can be read: {what}"))
+fn unreadable_error(path: &Path, what: String) -> Error {
+    parse_error(path, format!("is not Parquet that can be read: {what}"))
 }
 
-fn wrong(path: &Path, what: String) -> Error {
+fn parse_error(path: &Path, what: String) -> Error {
     Error::parse(path, None, what)
 }
 
 /// A file whose footer is not read yet.
-struct Closed<'a> {
+struct UnreadFile<'a> {
     path: &'a Path,
     file: File,
     size: u64,
 }
 
-impl<'a> Closed<'a> {
-    fn open(mut self, wanted: &[&str]) -> Result<Table<'a>> {
+impl<'a> UnreadFile<'a> {
+    fn open(mut self, wanted: &[&str]) -> Result<ParquetTable<'a>> {
         let path = self.path;
-        let footer = Footer::read(&mut self.file, self.size, wanted, KEY)
+        let footer = Footer::read(&mut self.file, self.size, wanted, METADATA_KEY)
             .map_err(|error| Error::io(path, error))?
-            .map_err(|what| unreadable(path, what))?;
-        let named = |leaf: &Leaf| wanted[leaf.wanted].to_string();
+            .map_err(|what| unreadable_error(path, what))?;
+        let named = |leaf: &LeafColumn| wanted[leaf.wanted].to_string();
         if let Some(other) = footer.leaves.iter().find(|leaf| leaf.physical.is_none()) {
             let what = format!("the column {} has values of another kind", named(other));
-            return Err(wrong(path, what));
+            return Err(parse_error(path, what));
         }
         let names = footer.leaves.iter().map(named).collect();
-        Ok(Table { path, file: self.file, footer, names, budget: MemoryBudget::new(self.size) })
+        Ok(ParquetTable {
+            path,
+            file: self.file,
+            footer,
+            names,
+            budget: MemoryBudget::new(self.size),
+        })
     }
 }
 
 /// A file with the columns that are wanted.
-struct Table<'a> {
+struct ParquetTable<'a> {
     path: &'a Path,
     file: File,
     footer: Footer,
@@ -154,10 +160,10 @@ struct Table<'a> {
     budget: MemoryBudget,
 }
 
-impl Table<'_> {
+impl ParquetTable<'_> {
     /// Calls `take` with the number (from 1) of each row, and what gives its cell in a wanted
     /// column.
-    fn each<'c>(
+    fn for_each_row<'c>(
         &mut self,
         mut take: impl for<'r> FnMut(usize, &'r dyn Fn(usize) -> Option<&'r Value>) -> Result<()>,
     ) -> Result<()> {
@@ -170,22 +176,22 @@ impl Table<'_> {
             for ((leaf, chunk), name) in
                 self.footer.leaves.iter().zip(&group.chunks).zip(&self.names)
             {
-                let refuse = |what| unreadable(path, format!("column {name}: {what}"));
+                let refuse = |what| unreadable_error(path, format!("column {name}: {what}"));
                 let mut bytes = vec![0; chunk.length];
                 let failed = |error| Error::io(path, error);
                 self.file.seek(SeekFrom::Start(chunk.start)).map_err(failed)?;
                 self.file.read_exact(&mut bytes).map_err(failed)?;
-                let physical = leaf.physical.unwrap_or(Physical::Text);
+                let physical = leaf.physical.unwrap_or(PhysicalType::Text);
                 let pages =
                     Pages::new(bytes.into(), chunk.snappy, group.rows, physical, leaf.optional);
                 let pages = pages.map_err(refuse)?;
                 budget.reserve(pages.memory()).map_err(refuse)?;
-                if physical == Physical::Text {
-                    longest = longest.max(pages.largest().min(TEXT));
+                if physical == PhysicalType::Text {
+                    longest = longest.max(pages.largest().min(MAX_TEXT_BYTES));
                 }
-                columns.push(column(leaf, physical, pages).map_err(refuse)?);
+                columns.push(column_decoder(leaf, physical, pages).map_err(refuse)?);
             }
-            let most = (TEXTS / longest.max(1)).clamp(8, AT_ONCE);
+            let most = (MAX_TEXT_BYTES_AT_ONCE / longest.max(1)).clamp(8, MAX_ROWS_AT_ONCE);
             let mut left = group.rows;
             while left > 0 {
                 let count = most.min(usize::try_from(left).unwrap_or(most));
@@ -193,7 +199,7 @@ impl Table<'_> {
                 for ((leaf, column), name) in
                     self.footer.leaves.iter().zip(&mut columns).zip(&self.names)
                 {
-                    let refuse = |what| unreadable(path, format!("column {name}: {what}"));
+                    let refuse = |what| unreadable_error(path, format!("column {name}: {what}"));
                     if cells.len() <= leaf.wanted {
                         cells.resize(leaf.wanted + 1, None);
                     }
@@ -212,26 +218,30 @@ impl Table<'_> {
 }
 
 /// Reads so many values of a column, the next ones.
-type Column = Box<dyn FnMut(usize) -> std::result::Result<Vec<Value>, String>>;
+type ColumnDecoder = Box<dyn FnMut(usize) -> std::result::Result<Vec<Value>, String>>;
 
-fn column(leaf: &Leaf, physical: Physical, pages: Pages) -> std::result::Result<Column, String> {
+fn column_decoder(
+    leaf: &LeafColumn,
+    physical: PhysicalType,
+    pages: Pages,
+) -> std::result::Result<ColumnDecoder, String> {
     let unsigned = leaf.unsigned;
     let optional = leaf.optional;
     match physical {
-        Physical::Flag => values::<BoolType>(optional, pages, |&flag| Ok(flag.into())),
-        Physical::Int32 => values::<Int32Type>(optional, pages, move |&number| {
+        PhysicalType::Flag => values::<BoolType>(optional, pages, |&flag| Ok(flag.into())),
+        PhysicalType::Int32 => values::<Int32Type>(optional, pages, move |&number| {
             Ok(if unsigned { (number as u32).into() } else { number.into() })
         }),
-        Physical::Int64 => values::<Int64Type>(optional, pages, move |&number| {
+        PhysicalType::Int64 => values::<Int64Type>(optional, pages, move |&number| {
             Ok(if unsigned { (number as u64).into() } else { number.into() })
         }),
-        Physical::Float => {
+        PhysicalType::Float => {
             values::<FloatType>(optional, pages, |&number| Ok(f64::from(number).into()))
         }
-        Physical::Double => values::<DoubleType>(optional, pages, |&number| Ok(number.into())),
-        Physical::Text => values::<ByteArrayType>(optional, pages, |bytes| {
+        PhysicalType::Double => values::<DoubleType>(optional, pages, |&number| Ok(number.into())),
+        PhysicalType::Text => values::<ByteArrayType>(optional, pages, |bytes| {
             let bytes = bytes.data();
-            if bytes.len() > TEXT {
+            if bytes.len() > MAX_TEXT_BYTES {
                 return Err(format!("a text of {} bytes", bytes.len()));
             }
             let text = std::str::from_utf8(bytes).map_err(|_| "what is no UTF-8 text")?;
@@ -244,7 +254,7 @@ fn values<D: DataType>(
     optional: bool,
     pages: Pages,
     make: impl Fn(&D::T) -> std::result::Result<Value, String> + 'static,
-) -> std::result::Result<Column, String>
+) -> std::result::Result<ColumnDecoder, String>
 where
     ColumnReaderImpl<D>: 'static,
 {

@@ -8,19 +8,19 @@ use parquet::basic::Encoding;
 use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::errors::ParquetError;
 
-use super::footer::Physical;
-use super::thrift::{Kind, Result, Thrift};
+use super::footer::PhysicalType;
+use super::thrift::{Result, Thrift, ThriftType};
 
 /// Most that Snappy makes of a byte, with some for short texts: three bytes copy 64.
-const MOST_PACKED: usize = 22;
-const SHORT: usize = 64;
+const MAX_SNAPPY_RATIO: usize = 22;
+const SNAPPY_SLACK_BYTES: usize = 64;
 /// Memory for a value of a dictionary in which texts are.
-const VALUE: usize = 48;
+const DICTIONARY_VALUE_BYTES: usize = 48;
 
 /// The pages of a column, for the rows of one group.
 #[derive(Debug)]
 pub(super) struct Pages {
-    pages: VecDeque<Header>,
+    pages: VecDeque<PageHeader>,
     chunk: Bytes,
     snappy: bool,
     optional: bool,
@@ -28,24 +28,24 @@ pub(super) struct Pages {
 
 /// The header of a page, and its place in the chunk.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Header {
+struct PageHeader {
     at: usize,
     packed: usize,
     unpacked: usize,
     values: usize,
-    encoding: Encoded,
-    body: Body,
+    encoding: ValueEncoding,
+    body: PageBody,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-enum Body {
+enum PageBody {
     Dictionary,
     /// A data page of the first version; whether levels are packed bits instead of runs.
     #[default]
-    One,
-    OnePackedLevels,
+    V1,
+    V1PackedLevels,
     /// A data page of the second version; bytes of its levels, which are not compressed.
-    Two {
+    V2 {
         levels: usize,
         nulls: usize,
         compressed: bool,
@@ -54,7 +54,7 @@ enum Body {
 
 /// Ways in which values are written, of those that are read.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-enum Encoded {
+enum ValueEncoding {
     #[default]
     Plain,
     Dictionary,
@@ -73,15 +73,15 @@ impl Pages {
         chunk: Bytes,
         snappy: bool,
         rows: u64,
-        physical: Physical,
+        physical: PhysicalType,
         optional: bool,
     ) -> Result<Pages> {
         let mut pages = VecDeque::new();
         let (mut at, mut left, mut dictionary) = (0, rows, false);
         while at < chunk.len() && left > 0 {
             let mut thrift = Thrift::new(&chunk[at..]);
-            let raw = Raw::read(&mut thrift)?;
-            at += thrift.at();
+            let raw = RawPageHeader::read(&mut thrift)?;
+            at += thrift.position();
             let there = chunk.len() - at;
             let packed = usize::try_from(raw.packed).ok().filter(|&packed| packed <= there);
             let packed = packed
@@ -89,7 +89,7 @@ impl Pages {
             if let Some(header) = raw.header(at, packed, snappy)? {
                 header.check(&chunk, snappy, physical, optional, dictionary)?;
                 match header.body {
-                    Body::Dictionary => dictionary = true,
+                    PageBody::Dictionary => dictionary = true,
                     _ => {
                         left = left.checked_sub(header.values as u64).ok_or_else(|| {
                             format!("its pages have more values than the {rows} rows")
@@ -113,23 +113,23 @@ impl Pages {
 
     /// Bytes that are in memory at once while pages are decoded: the chunk, a dictionary and a page.
     pub(super) fn memory(&self) -> usize {
-        let dictionary = |page: &&Header| page.body == Body::Dictionary;
-        let held = |page: &Header| page.unpacked + VALUE * page.values;
+        let dictionary = |page: &&PageHeader| page.body == PageBody::Dictionary;
+        let held = |page: &PageHeader| page.unpacked + DICTIONARY_VALUE_BYTES * page.values;
         let held: usize = self.pages.iter().filter(dictionary).map(held).sum();
         // The lengths of texts are decoded before the texts.
-        let lengths = |page: &Header| match page.encoding {
-            Encoded::DeltaLengths => page.values.saturating_mul(size_of::<i32>()),
+        let lengths = |page: &PageHeader| match page.encoding {
+            ValueEncoding::DeltaLengths => page.values.saturating_mul(size_of::<i32>()),
             _ => 0,
         };
         let lengths = self.pages.iter().map(lengths).max().unwrap_or(0);
         held.saturating_add(lengths).saturating_add(self.chunk.len() + 2 * self.largest())
     }
 
-    fn page(&self, header: &Header) -> Result<Page> {
-        let Header { at, packed, unpacked, values, encoding, body } = *header;
+    fn page(&self, header: &PageHeader) -> Result<Page> {
+        let PageHeader { at, packed, unpacked, values, encoding, body } = *header;
         let raw = self.chunk.slice(at..at + packed);
-        let levels = if let Body::Two { levels, .. } = body { levels } else { 0 };
-        let compressed = !matches!(body, Body::Two { compressed: false, .. });
+        let levels = if let PageBody::V2 { levels, .. } = body { levels } else { 0 };
+        let compressed = !matches!(body, PageBody::V2 { compressed: false, .. });
         let buf = if self.snappy && compressed && unpacked > levels {
             let mut all = vec![0; unpacked];
             all[..levels].copy_from_slice(&raw[..levels]);
@@ -142,7 +142,7 @@ impl Pages {
         } else {
             raw
         };
-        if encoding == Encoded::DeltaLengths {
+        if encoding == ValueEncoding::DeltaLengths {
             let count = self.delta_count(header, &buf).unwrap_or(u64::MAX);
             if count > values as u64 {
                 return Err(format!("a page of {values} values claims {count} texts"));
@@ -151,22 +151,22 @@ impl Pages {
         let num_values = values as u32;
         let encoding = encoding.as_crate();
         Ok(match body {
-            Body::Dictionary => {
+            PageBody::Dictionary => {
                 Page::DictionaryPage { buf, num_values, encoding, is_sorted: false }
             }
             #[expect(deprecated, reason = "old files have it")]
-            Body::One | Body::OnePackedLevels => Page::DataPage {
+            PageBody::V1 | PageBody::V1PackedLevels => Page::DataPage {
                 buf,
                 num_values,
                 encoding,
                 def_level_encoding: match body {
-                    Body::OnePackedLevels => Encoding::BIT_PACKED,
+                    PageBody::V1PackedLevels => Encoding::BIT_PACKED,
                     _ => Encoding::RLE,
                 },
                 rep_level_encoding: Encoding::RLE,
                 statistics: None,
             },
-            Body::Two { levels, nulls, .. } => Page::DataPageV2 {
+            PageBody::V2 { levels, nulls, .. } => Page::DataPageV2 {
                 buf,
                 num_values,
                 encoding,
@@ -184,14 +184,14 @@ impl Pages {
 impl Pages {
     /// How many values the numbers of a page claim to be, that are written by their differences:
     /// the third number of those, which stand behind the levels.
-    fn delta_count(&self, header: &Header, page: &[u8]) -> Option<u64> {
+    fn delta_count(&self, header: &PageHeader, page: &[u8]) -> Option<u64> {
         let levels = match header.body {
-            Body::Two { levels, .. } => levels,
-            Body::One if self.optional => {
+            PageBody::V2 { levels, .. } => levels,
+            PageBody::V1 if self.optional => {
                 let length = page.first_chunk().map(|length| u32::from_le_bytes(*length))?;
                 4 + length as usize
             }
-            Body::OnePackedLevels if self.optional => header.values.div_ceil(8),
+            PageBody::V1PackedLevels if self.optional => header.values.div_ceil(8),
             _ => 0,
         };
         let mut numbers = Thrift::new(page.get(levels..)?);
@@ -199,19 +199,19 @@ impl Pages {
     }
 }
 
-impl Header {
+impl PageHeader {
     /// Weighs what the header says against the bytes of its page.
     fn check(
         &self,
         chunk: &[u8],
         snappy: bool,
-        physical: Physical,
+        physical: PhysicalType,
         optional: bool,
         dictionary: bool,
     ) -> Result<()> {
         let page = &chunk[self.at..self.at + self.packed];
         let (levels, compressed) = match self.body {
-            Body::Two { levels, compressed, .. } => (levels, snappy && compressed),
+            PageBody::V2 { levels, compressed, .. } => (levels, snappy && compressed),
             _ => (0, snappy),
         };
         if levels > self.packed || levels > self.unpacked {
@@ -220,7 +220,7 @@ impl Header {
         if compressed && self.unpacked > levels {
             let packed = &page[levels..];
             let claimed = snap::raw::decompress_len(packed).map_err(|error| error.to_string())?;
-            let most = MOST_PACKED * packed.len() + SHORT;
+            let most = MAX_SNAPPY_RATIO * packed.len() + SNAPPY_SLACK_BYTES;
             if claimed != self.unpacked - levels || claimed > most {
                 return Err(format!(
                     "a page of {} bytes claims to unpack to {}",
@@ -233,40 +233,40 @@ impl Header {
                 self.packed, self.unpacked
             ));
         }
-        let text = physical == Physical::Text;
-        let whole = matches!(physical, Physical::Int32 | Physical::Int64);
+        let text = physical == PhysicalType::Text;
+        let whole = matches!(physical, PhysicalType::Int32 | PhysicalType::Int64);
         let fits = match (self.body, self.encoding) {
-            (Body::Dictionary, Encoded::Plain | Encoded::Dictionary) => {
+            (PageBody::Dictionary, ValueEncoding::Plain | ValueEncoding::Dictionary) => {
                 if dictionary {
                     return Err("it has two dictionaries".into());
                 }
-                let least = (self.values as u64).saturating_mul(physical.smallest() as u64);
+                let least = (self.values as u64).saturating_mul(physical.min_bytes() as u64);
                 if least > self.unpacked as u64 {
                     return Err(format!(
                         "a dictionary of {} bytes claims {} values",
                         self.unpacked, self.values
                     ));
                 }
-                physical != Physical::Flag
+                physical != PhysicalType::Flag
             }
-            (Body::Dictionary, _) => false,
-            (_, Encoded::Plain) => true,
-            (_, Encoded::Dictionary) => {
+            (PageBody::Dictionary, _) => false,
+            (_, ValueEncoding::Plain) => true,
+            (_, ValueEncoding::Dictionary) => {
                 if !dictionary {
                     return Err("it has no dictionary".into());
                 }
                 true
             }
-            (_, Encoded::Runs) => physical == Physical::Flag,
-            (_, Encoded::Deltas) => whole,
-            (_, Encoded::DeltaLengths) => text,
-            (_, Encoded::Split) => !text && physical != Physical::Flag,
+            (_, ValueEncoding::Runs) => physical == PhysicalType::Flag,
+            (_, ValueEncoding::Deltas) => whole,
+            (_, ValueEncoding::DeltaLengths) => text,
+            (_, ValueEncoding::Split) => !text && physical != PhysicalType::Flag,
         };
         if !fits {
             return Err(format!("values of this kind cannot be {:?}", self.encoding.as_crate()));
         }
         // Levels say which are there; without them all must be.
-        if let Body::Two { levels, nulls, .. } = self.body
+        if let PageBody::V2 { levels, nulls, .. } = self.body
             && (nulls > self.values || (!optional && (nulls > 0 || levels > 0)))
         {
             return Err(format!("{nulls} of {} values are missing", self.values));
@@ -275,16 +275,16 @@ impl Header {
     }
 }
 
-impl Encoded {
+impl ValueEncoding {
     /// By its number in a header.
-    fn of(code: i64) -> Result<Encoded> {
+    fn from_code(code: i64) -> Result<ValueEncoding> {
         Ok(match code {
-            0 => Encoded::Plain,
-            2 | 8 => Encoded::Dictionary,
-            3 => Encoded::Runs,
-            5 => Encoded::Deltas,
-            6 => Encoded::DeltaLengths,
-            9 => Encoded::Split,
+            0 => ValueEncoding::Plain,
+            2 | 8 => ValueEncoding::Dictionary,
+            3 => ValueEncoding::Runs,
+            5 => ValueEncoding::Deltas,
+            6 => ValueEncoding::DeltaLengths,
+            9 => ValueEncoding::Split,
             7 => return Err("its texts are DELTA_BYTE_ARRAY: use PLAIN or a dictionary".into()),
             _ => return Err(format!("its values are written in the unknown way {code}")),
         })
@@ -292,19 +292,19 @@ impl Encoded {
 
     fn as_crate(self) -> Encoding {
         match self {
-            Encoded::Plain => Encoding::PLAIN,
-            Encoded::Dictionary => Encoding::RLE_DICTIONARY,
-            Encoded::Runs => Encoding::RLE,
-            Encoded::Deltas => Encoding::DELTA_BINARY_PACKED,
-            Encoded::DeltaLengths => Encoding::DELTA_LENGTH_BYTE_ARRAY,
-            Encoded::Split => Encoding::BYTE_STREAM_SPLIT,
+            ValueEncoding::Plain => Encoding::PLAIN,
+            ValueEncoding::Dictionary => Encoding::RLE_DICTIONARY,
+            ValueEncoding::Runs => Encoding::RLE,
+            ValueEncoding::Deltas => Encoding::DELTA_BINARY_PACKED,
+            ValueEncoding::DeltaLengths => Encoding::DELTA_LENGTH_BYTE_ARRAY,
+            ValueEncoding::Split => Encoding::BYTE_STREAM_SPLIT,
         }
     }
 }
 
 /// A header as it is in the file.
 #[derive(Debug, Default)]
-struct Raw {
+struct RawPageHeader {
     kind: i64,
     unpacked: i64,
     packed: i64,
@@ -319,15 +319,21 @@ struct Raw {
     bodies: usize,
 }
 
-impl Raw {
-    fn read(thrift: &mut Thrift<'_>) -> Result<Raw> {
-        let mut raw = Raw { kind: -1, packed: -1, unpacked: -1, values: -1, ..Raw::default() };
+impl RawPageHeader {
+    fn read(thrift: &mut Thrift<'_>) -> Result<RawPageHeader> {
+        let mut raw = RawPageHeader {
+            kind: -1,
+            packed: -1,
+            unpacked: -1,
+            values: -1,
+            ..RawPageHeader::default()
+        };
         thrift.fields(|thrift, field, kind| {
             match (field, kind) {
-                (1, Kind::Integer) => raw.kind = thrift.integer()?,
-                (2, Kind::Integer) => raw.unpacked = thrift.integer()?,
-                (3, Kind::Integer) => raw.packed = thrift.integer()?,
-                (5 | 7 | 8, Kind::Struct) => raw.body(thrift, field)?,
+                (1, ThriftType::Integer) => raw.kind = thrift.integer()?,
+                (2, ThriftType::Integer) => raw.unpacked = thrift.integer()?,
+                (3, ThriftType::Integer) => raw.packed = thrift.integer()?,
+                (5 | 7 | 8, ThriftType::Struct) => raw.body(thrift, field)?,
                 _ => return Ok(false),
             }
             Ok(true)
@@ -339,15 +345,15 @@ impl Raw {
         self.bodies += 1;
         thrift.fields(|thrift, field, kind| {
             match (body, field, kind) {
-                (_, 1, Kind::Integer) => self.values = thrift.integer()?,
-                (5 | 7, 2, Kind::Integer) | (8, 4, Kind::Integer) => {
+                (_, 1, ThriftType::Integer) => self.values = thrift.integer()?,
+                (5 | 7, 2, ThriftType::Integer) | (8, 4, ThriftType::Integer) => {
                     self.encoding = thrift.integer()?;
                 }
-                (5, 3, Kind::Integer) => self.packed_levels = thrift.integer()? == 4,
-                (8, 2, Kind::Integer) => self.nulls = thrift.integer()?,
-                (8, 5, Kind::Integer) => self.levels = thrift.integer()?,
-                (8, 6, Kind::Integer) => self.repeated = thrift.integer()?,
-                (8, 7, Kind::Flag(compressed)) => self.plain = !compressed,
+                (5, 3, ThriftType::Integer) => self.packed_levels = thrift.integer()? == 4,
+                (8, 2, ThriftType::Integer) => self.nulls = thrift.integer()?,
+                (8, 5, ThriftType::Integer) => self.levels = thrift.integer()?,
+                (8, 6, ThriftType::Integer) => self.repeated = thrift.integer()?,
+                (8, 7, ThriftType::Flag(compressed)) => self.plain = !compressed,
                 _ => return Ok(false),
             }
             Ok(true)
@@ -355,17 +361,17 @@ impl Raw {
     }
 
     /// The header of a page of values; `None` for pages of another kind.
-    fn header(&self, at: usize, packed: usize, snappy: bool) -> Result<Option<Header>> {
+    fn header(&self, at: usize, packed: usize, snappy: bool) -> Result<Option<PageHeader>> {
         let number = |number: i64, what: &str| {
             let number = i32::try_from(number).ok().and_then(|number| usize::try_from(number).ok());
             number.ok_or_else(|| format!("a page does not say {what}, or nothing that can be"))
         };
         let body = match self.kind {
-            0 if self.packed_levels => Body::OnePackedLevels,
-            0 => Body::One,
+            0 if self.packed_levels => PageBody::V1PackedLevels,
+            0 => PageBody::V1,
             1 => return Ok(None),
-            2 => Body::Dictionary,
-            3 if self.repeated == 0 => Body::Two {
+            2 => PageBody::Dictionary,
+            3 if self.repeated == 0 => PageBody::V2 {
                 levels: number(self.levels, "how long its levels are")?,
                 nulls: number(self.nulls, "how many values are missing")?,
                 compressed: snappy && !self.plain,
@@ -377,8 +383,8 @@ impl Raw {
         }
         let unpacked = number(self.unpacked, "how long it is")?;
         let values = number(self.values, "how many values it has")?;
-        let encoding = Encoded::of(self.encoding)?;
-        Ok(Some(Header { at, packed, unpacked, values, encoding, body }))
+        let encoding = ValueEncoding::from_code(self.encoding)?;
+        Ok(Some(PageHeader { at, packed, unpacked, values, encoding, body }))
     }
 }
 
@@ -390,7 +396,7 @@ impl PageReader for Pages {
 
     fn peek_next_page(&mut self) -> parquet::errors::Result<Option<PageMetadata>> {
         Ok(self.pages.front().map(|page| {
-            let dictionary = page.body == Body::Dictionary;
+            let dictionary = page.body == PageBody::Dictionary;
             PageMetadata {
                 num_rows: (!dictionary).then_some(page.values),
                 num_levels: (!dictionary).then_some(page.values),

@@ -5,11 +5,11 @@
 pub(super) type Result<T> = std::result::Result<T, String>;
 
 /// Structs within structs that are followed. Those of Parquet are six deep.
-const DEEPEST: usize = 24;
+const MAX_DEPTH: usize = 24;
 
 /// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ThriftType {
     Flag(bool),
     Byte,
     Integer,
@@ -34,7 +34,7 @@ impl<'a> Thrift<'a> {
     }
 
     /// How many bytes were read.
-    pub(super) fn at(&self) -> usize {
+    pub(super) fn position(&self) -> usize {
         self.at
     }
 
@@ -78,7 +78,7 @@ impl<'a> Thrift<'a> {
     /// Calls `take` for each element of a list, which it is to read.
     pub(super) fn list(
         &mut self,
-        mut take: impl FnMut(&mut Self, Kind) -> Result<()>,
+        mut take: impl FnMut(&mut Self, ThriftType) -> Result<()>,
     ) -> Result<()> {
         let head = self.byte()?;
         let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
@@ -94,9 +94,9 @@ impl<'a> Thrift<'a> {
     /// gives `false`, is skipped.
     pub(super) fn fields(
         &mut self,
-        mut take: impl FnMut(&mut Self, i64, Kind) -> Result<bool>,
+        mut take: impl FnMut(&mut Self, i64, ThriftType) -> Result<bool>,
     ) -> Result<()> {
-        if self.depth == DEEPEST {
+        if self.depth == MAX_DEPTH {
             return Err("its structs are nested too deeply".into());
         }
         self.depth += 1;
@@ -109,31 +109,31 @@ impl<'a> Thrift<'a> {
             }
             number = if head >> 4 == 0 { self.integer()? } else { number + i64::from(head >> 4) };
             let kind = match head & 15 {
-                1 => Kind::Flag(true),
-                2 => Kind::Flag(false),
+                1 => ThriftType::Flag(true),
+                2 => ThriftType::Flag(false),
                 other => element(other)?,
             };
             if !(1..=i64::from(i16::MAX)).contains(&number) {
                 return Err(format!("it has a field {number}"));
             }
             // Flags are in the head of their field.
-            if !take(self, number, kind)? && !matches!(kind, Kind::Flag(_)) {
+            if !take(self, number, kind)? && !matches!(kind, ThriftType::Flag(_)) {
                 self.skip(kind)?;
             }
         }
     }
 
     /// Passes over an element of a list, or a field that is not a flag.
-    pub(super) fn skip(&mut self, kind: Kind) -> Result<()> {
+    pub(super) fn skip(&mut self, kind: ThriftType) -> Result<()> {
         match kind {
-            Kind::Flag(_) | Kind::Byte => self.byte().map(drop),
-            Kind::Integer => self.varint().map(drop),
-            Kind::Double => self.bytes(8).map(drop),
-            Kind::Uuid => self.bytes(16).map(drop),
-            Kind::Binary => self.binary().map(drop),
-            Kind::Struct => self.fields(|_, _, _| Ok(false)),
-            Kind::List => self.nested(|this| this.list(|this, kind| this.skip(kind))),
-            Kind::Map => self.nested(|this| {
+            ThriftType::Flag(_) | ThriftType::Byte => self.byte().map(drop),
+            ThriftType::Integer => self.varint().map(drop),
+            ThriftType::Double => self.bytes(8).map(drop),
+            ThriftType::Uuid => self.bytes(16).map(drop),
+            ThriftType::Binary => self.binary().map(drop),
+            ThriftType::Struct => self.fields(|_, _, _| Ok(false)),
+            ThriftType::List => self.nested(|this| this.list(|this, kind| this.skip(kind))),
+            ThriftType::Map => self.nested(|this| {
                 let count = this.varint()?;
                 if count == 0 {
                     return Ok(());
@@ -149,7 +149,7 @@ impl<'a> Thrift<'a> {
     }
 
     fn nested(&mut self, read: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
-        if self.depth == DEEPEST {
+        if self.depth == MAX_DEPTH {
             return Err("its lists are nested too deeply".into());
         }
         self.depth += 1;
@@ -159,17 +159,17 @@ impl<'a> Thrift<'a> {
     }
 }
 
-fn element(code: u8) -> Result<Kind> {
+fn element(code: u8) -> Result<ThriftType> {
     Ok(match code {
-        1 | 2 => Kind::Flag(true),
-        3 => Kind::Byte,
-        4..=6 => Kind::Integer,
-        7 => Kind::Double,
-        8 => Kind::Binary,
-        9 | 10 => Kind::List,
-        11 => Kind::Map,
-        12 => Kind::Struct,
-        13 => Kind::Uuid,
+        1 | 2 => ThriftType::Flag(true),
+        3 => ThriftType::Byte,
+        4..=6 => ThriftType::Integer,
+        7 => ThriftType::Double,
+        8 => ThriftType::Binary,
+        9 | 10 => ThriftType::List,
+        11 => ThriftType::Map,
+        12 => ThriftType::Struct,
+        13 => ThriftType::Uuid,
         _ => return Err(format!("it has a value of the unknown kind {code}")),
     })
 }
@@ -185,17 +185,17 @@ mod tests {
         let mut thrift = Thrift::new(&bytes);
         let (mut number, mut flag) = (0, false);
         let read = thrift.fields(|thrift, field, kind| match (field, kind) {
-            (1, Kind::Integer) => {
+            (1, ThriftType::Integer) => {
                 number = thrift.integer()?;
                 Ok(true)
             }
-            (7, Kind::Flag(value)) => {
+            (7, ThriftType::Flag(value)) => {
                 flag = value;
                 Ok(true)
             }
             _ => Ok(false),
         });
-        assert_eq!((read, number, flag, thrift.at()), (Ok(()), -3, true, 15));
+        assert_eq!((read, number, flag, thrift.position()), (Ok(()), -3, true, 15));
     }
 
     #[test]

@@ -14,13 +14,13 @@ use parquet::schema::types::Type;
 
 use serde_json::Value;
 
-use super::KEY;
+use super::METADATA_KEY;
 use crate::batch::Row;
-use crate::batch::columns::Cell;
+use crate::batch::columns::CellValue;
 use crate::error::{Error, Result};
 
 /// Rows that are in memory at once, when they are written.
-const GROUP: usize = 8192;
+const ROW_GROUP_SIZE: usize = 8192;
 
 /// Writes rows, every column but `index`, `source` and `target` nullable.
 pub(in crate::batch) fn write(
@@ -30,21 +30,24 @@ pub(in crate::batch) fn write(
     asked_for: &Value,
     failed: &impl Fn(io::Error) -> Error,
 ) -> Result<()> {
-    let refuse = |error: ParquetError| failed(system(error));
+    let refuse = |error: ParquetError| failed(into_io_error(error));
     let properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
-        .set_key_value_metadata(Some(vec![KeyValue::new(KEY.into(), asked_for.to_string())]))
+        .set_key_value_metadata(Some(vec![KeyValue::new(
+            METADATA_KEY.into(),
+            asked_for.to_string(),
+        )]))
         .set_created_by(concat!("cfreg ", env!("CARGO_PKG_VERSION")).into())
         .build();
     let schema = schema(times).map_err(refuse)?;
     let mut writer =
         SerializedFileWriter::new(file, schema.into(), Arc::new(properties)).map_err(refuse)?;
     loop {
-        let group = rows.by_ref().take(GROUP).collect::<Result<Vec<Row>>>()?;
+        let group = rows.by_ref().take(ROW_GROUP_SIZE).collect::<Result<Vec<Row>>>()?;
         if group.is_empty() {
             break;
         }
-        let cells: Vec<_> = group.iter().map(|row| row.cells(times)).collect();
+        let cells: Vec<_> = group.iter().map(|row| row.column_values(times)).collect();
         let mut columns = writer.next_row_group().map_err(refuse)?;
         for k in 0..cells[0].len() {
             column(&mut columns, cells.iter().map(|row| row[k].1)).map_err(refuse)?;
@@ -56,7 +59,7 @@ pub(in crate::batch) fn write(
 }
 
 /// What the system said, where it was the system.
-fn system(error: ParquetError) -> io::Error {
+fn into_io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {
             Ok(error) => *error,
@@ -70,53 +73,53 @@ fn system(error: ParquetError) -> io::Error {
 const REQUIRED: [&str; 3] = ["index", "source", "target"];
 
 fn schema(times: bool) -> parquet::errors::Result<Type> {
-    let field = |(name, cell): &(String, Cell)| {
+    let field = |(name, cell): &(String, CellValue)| {
         let (physical, logical) = match cell {
-            Cell::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-            Cell::Flag(_) => (Physical::BOOLEAN, None),
-            Cell::Count(_) => (Physical::INT64, None),
-            Cell::Number(_) => (Physical::DOUBLE, None),
+            CellValue::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            CellValue::Flag(_) => (Physical::BOOLEAN, None),
+            CellValue::Count(_) => (Physical::INT64, None),
+            CellValue::Number(_) => (Physical::DOUBLE, None),
         };
         let required = REQUIRED.contains(&name.as_str());
         let repetition = if required { Repetition::REQUIRED } else { Repetition::OPTIONAL };
         let builder = Type::primitive_type_builder(name, physical);
         builder.with_repetition(repetition).with_logical_type(logical).build().map(Arc::new)
     };
-    let fields = Row::default().cells(times).iter().map(field).collect::<Result<_, _>>()?;
+    let fields = Row::default().column_values(times).iter().map(field).collect::<Result<_, _>>()?;
     Type::group_type_builder("pairs").with_fields(fields).build()
 }
 
 /// Writes the next column.
 fn column<'a>(
     columns: &mut SerializedRowGroupWriter<'_, &File>,
-    cells: impl Iterator<Item = Cell<'a>> + Clone,
+    cells: impl Iterator<Item = CellValue<'a>> + Clone,
 ) -> parquet::errors::Result<()> {
     match cells.clone().next() {
-        Some(Cell::Text(_)) => values::<ByteArrayType>(
+        Some(CellValue::Text(_)) => values::<ByteArrayType>(
             columns,
             cells.map(|cell| match cell {
-                Cell::Text(text) => text.map(ByteArray::from),
+                CellValue::Text(text) => text.map(ByteArray::from),
                 _ => None,
             }),
         ),
-        Some(Cell::Flag(_)) => values::<BoolType>(
+        Some(CellValue::Flag(_)) => values::<BoolType>(
             columns,
             cells.map(|cell| match cell {
-                Cell::Flag(flag) => flag,
+                CellValue::Flag(flag) => flag,
                 _ => None,
             }),
         ),
-        Some(Cell::Count(_)) => values::<Int64Type>(
+        Some(CellValue::Count(_)) => values::<Int64Type>(
             columns,
             cells.map(|cell| match cell {
-                Cell::Count(count) => count,
+                CellValue::Count(count) => count,
                 _ => None,
             }),
         ),
-        Some(Cell::Number(_)) => values::<DoubleType>(
+        Some(CellValue::Number(_)) => values::<DoubleType>(
             columns,
             cells.map(|cell| match cell {
-                Cell::Number(number) => number,
+                CellValue::Number(number) => number,
                 _ => None,
             }),
         ),

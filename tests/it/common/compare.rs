@@ -8,7 +8,7 @@ use cfreg::moments::{Moments, naive};
 /// first: weights relative to Σw and Σw², first moments to √(Σw Σw|p|²), the cross moment
 /// to √(Σw|p|² Σw|q|²). Sums of many signs are small beside their terms, and rounding
 /// follows the terms.
-pub fn moments_differ_by(a: &Moments, b: &Moments) -> f64 {
+pub fn moments_difference(a: &Moments, b: &Moments) -> f64 {
     let b = naive::shift_origins(b, a.source_origin, a.target_origin);
     let share = |difference: f64, size: f64| match difference.abs() {
         0.0 => 0.0,
@@ -32,7 +32,7 @@ pub fn moments_differ_by(a: &Moments, b: &Moments) -> f64 {
 }
 
 /// Largest difference between two poses, entry by entry of their matrices.
-pub fn poses_differ_by(a: &Transform, b: &Transform) -> f64 {
+pub fn pose_difference(a: &Transform, b: &Transform) -> f64 {
     let (a, b) = (a.matrix(), b.matrix());
     a.as_flattened().iter().zip(b.as_flattened()).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
 }
@@ -41,7 +41,7 @@ pub fn poses_differ_by(a: &Transform, b: &Transform) -> f64 {
 ///
 /// # Panics
 /// When they differ in number.
-pub fn rows_differ_by<const N: usize>(found: &[[f32; N]], expected: &[[f64; N]]) -> f64 {
+pub fn row_difference<const N: usize>(found: &[[f32; N]], expected: &[[f64; N]]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let (found, expected) = (found.as_flattened(), expected.as_flattened());
     found.iter().zip(expected).map(|(&x, y)| (f64::from(x) - y).abs()).fold(0.0, f64::max)

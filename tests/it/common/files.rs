@@ -118,7 +118,7 @@ fn pcd(data_kind: DataKind, names: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
 }
 
 /// A file of this content in a folder that goes with the returned guard.
-pub fn file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
+pub fn write_temp_file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
     let folder = tempdir().unwrap();
     let path = folder.path().join(name);
     fs::write(&path, content).unwrap();
@@ -127,6 +127,6 @@ pub fn file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
 
 /// The cloud that a file of this content is.
 pub fn read(name: &str, content: impl AsRef<[u8]>) -> PointCloud {
-    let (_folder, path) = file(name, content);
+    let (_folder, path) = write_temp_file(name, content);
     io::read(path).unwrap()
 }

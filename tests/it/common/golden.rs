@@ -10,7 +10,7 @@ use cfreg::{Descriptors, Error, PointCloud, Transform};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::compare::{moments_differ_by, poses_differ_by};
+use super::compare::{moments_difference, pose_difference};
 
 /// `part` (`input` or `expected`) of a case.
 ///
@@ -42,7 +42,7 @@ pub struct Sums {
 }
 
 #[derive(Deserialize)]
-pub struct Pose {
+pub struct ExpectedPose {
     pub scale: f64,
     pub rotation: Mat3,
     pub translation: Vec3,
@@ -50,7 +50,7 @@ pub struct Pose {
     pub solvers_differ_by: f64,
 }
 
-impl Pose {
+impl ExpectedPose {
     pub fn transform(&self) -> Transform {
         Transform { rotation: self.rotation, translation: self.translation, scale: self.scale }
     }
@@ -58,17 +58,17 @@ impl Pose {
 
 /// What became of a weighted connection.
 #[derive(Deserialize)]
-pub struct Solved {
+pub struct ExpectedSolution {
     #[serde(with = "Sums")]
     pub moments: Moments,
     pub effective_connections: f64,
-    pub pose: Option<Pose>,
+    pub pose: Option<ExpectedPose>,
 }
 
-impl Solved {
+impl ExpectedSolution {
     /// Compares moments and what all four solvers make of them.
     pub fn check(&self, found: &Moments, tolerance: f64, context: &str) {
-        let error = moments_differ_by(&self.moments, found);
+        let error = moments_difference(&self.moments, found);
         assert!(error < tolerance, "{context}: moments off by {error:e}");
         let error = (found.effective_connections() / self.effective_connections - 1.0).abs();
         assert!(error < tolerance, "{context}: effective connections off by {error:e}");
@@ -80,12 +80,12 @@ impl Solved {
                 assert!(matches!(fused, Err(Error::Degenerate { .. })), "{context}: {fused:?}");
                 continue;
             };
-            let error = poses_differ_by(&exact.unwrap().transform, &pose.transform());
+            let error = pose_difference(&exact.unwrap().transform, &pose.transform());
             assert!(error < 1e-14, "{context}: {solver} off by {error:e}");
             // A factor on all weights turns nothing, so little of the moments' error arrives;
             // the second singular value divides what does.
             let fused = fused.unwrap();
-            let error = poses_differ_by(&fused.transform, &pose.transform());
+            let error = pose_difference(&fused.transform, &pose.transform());
             let bound = 0.1 * tolerance / fused.singular_values[1];
             assert!(error < bound, "{context}: {solver} off by {error:e}, {bound:e} allowed");
         }
@@ -93,7 +93,7 @@ impl Solved {
 }
 
 #[derive(Deserialize)]
-pub struct Pair<S> {
+pub struct GoldenPair<S> {
     pub source: S,
     pub target: S,
 }
@@ -103,6 +103,6 @@ pub fn descriptors(rows: &[Vec<f64>]) -> Descriptors {
     Descriptors::new(rows[0].len(), values).unwrap()
 }
 
-pub fn described<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
+pub fn feature_view<'a>(cloud: &'a PointCloud, descriptors: &'a Descriptors) -> FeatureView<'a> {
     FeatureView { points: cloud.points(), origin: cloud.origin(), descriptors }
 }

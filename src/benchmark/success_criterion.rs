@@ -12,7 +12,7 @@ use crate::verify::{PoseError, pose_error};
 /// Largest errors of a pose that counts as right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Rule {
+pub enum SuccessCriterion {
     /// 15 degrees and 0.3 m, as on 3DMatch.
     Indoor,
     /// 5 degrees and 0.6 m, as on KITTI.
@@ -23,61 +23,66 @@ pub enum Rule {
     Relative,
 }
 
-impl Rule {
+impl SuccessCriterion {
     /// All of them.
-    pub const ALL: [Rule; 4] = [Rule::Indoor, Rule::Outdoor, Rule::OutdoorCoarse, Rule::Relative];
+    pub const ALL: [SuccessCriterion; 4] = [
+        SuccessCriterion::Indoor,
+        SuccessCriterion::Outdoor,
+        SuccessCriterion::OutdoorCoarse,
+        SuccessCriterion::Relative,
+    ];
 
     /// What suits a cloud of this size: objects below a metre, rooms below 25, else streets.
-    pub fn of_size(metres: f64) -> Rule {
+    pub fn for_size(metres: f64) -> SuccessCriterion {
         if metres < 1.0 {
-            Rule::Relative
+            SuccessCriterion::Relative
         } else if metres < 25.0 {
-            Rule::Indoor
+            SuccessCriterion::Indoor
         } else {
-            Rule::Outdoor
+            SuccessCriterion::Outdoor
         }
     }
 
     /// Compares poses of `source`, as published lists of pairs count it: the translation is
-    /// ‖t − t_gt‖ in the clouds' own frames. For [`Rule::Relative`] it is the distance of the
+    /// ‖t − t_gt‖ in the clouds' own frames. For [`SuccessCriterion::Relative`] it is the distance of the
     /// source's centroids, since the zero of an object's frame means nothing.
     pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> PoseError {
-        let about = if self == Rule::Relative { source.centroid() } else { [0.0; 3] };
+        let about = if self == SuccessCriterion::Relative { source.centroid() } else { [0.0; 3] };
         pose_error(found, truth, about)
     }
 
     /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
     pub fn is_met(self, error: PoseError, source: &PointCloud, unit: f64) -> bool {
         let (degrees, length) = match self {
-            Rule::Indoor => (15.0, 0.3 / unit),
-            Rule::Outdoor => (5.0, 0.6 / unit),
-            Rule::OutdoorCoarse => (5.0, 2.0 / unit),
-            Rule::Relative => (10.0, 0.05 * source.diagonal()),
+            SuccessCriterion::Indoor => (15.0, 0.3 / unit),
+            SuccessCriterion::Outdoor => (5.0, 0.6 / unit),
+            SuccessCriterion::OutdoorCoarse => (5.0, 2.0 / unit),
+            SuccessCriterion::Relative => (10.0, 0.05 * source.diagonal()),
         };
         error.rotation_deg <= degrees && error.translation <= length
     }
 
     fn name(self) -> &'static str {
         match self {
-            Rule::Indoor => "indoor",
-            Rule::Outdoor => "outdoor",
-            Rule::OutdoorCoarse => "outdoor-coarse",
-            Rule::Relative => "relative",
+            SuccessCriterion::Indoor => "indoor",
+            SuccessCriterion::Outdoor => "outdoor",
+            SuccessCriterion::OutdoorCoarse => "outdoor-coarse",
+            SuccessCriterion::Relative => "relative",
         }
     }
 }
 
-impl fmt::Display for Rule {
+impl fmt::Display for SuccessCriterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Rule {
+impl FromStr for SuccessCriterion {
     type Err = Error;
     fn from_str(text: &str) -> Result<Self> {
-        Rule::ALL.into_iter().find(|rule| rule.name() == text).ok_or_else(|| {
-            let names = Rule::ALL.map(Rule::name).join(", ");
+        SuccessCriterion::ALL.into_iter().find(|rule| rule.name() == text).ok_or_else(|| {
+            let names = SuccessCriterion::ALL.map(SuccessCriterion::name).join(", ");
             Error::config("rule", text, format!("must be one of {names}"))
         })
     }
@@ -92,26 +97,32 @@ mod tests {
     fn errors_count_in_metres_or_by_the_size_of_an_object() {
         let cloud = PointCloud::new(&[[10.0, 0.0, 0.0], [10.0, 3.0, 4.0]]).unwrap();
         let turn = Transform::from_rotation_vector([0.0, 0.0, 4f64.to_radians()]);
-        let error = Rule::Indoor.error(&turn, &Transform::IDENTITY, &cloud);
+        let error = SuccessCriterion::Indoor.error(&turn, &Transform::IDENTITY, &cloud);
         assert!((error.rotation_deg - 4.0).abs() < 1e-9 && error.translation == 0.0);
-        assert!(Rule::Indoor.is_met(error, &cloud, 1.0));
+        assert!(SuccessCriterion::Indoor.is_met(error, &cloud, 1.0));
         // About the centroid, ten off the zero: 0.7 are more than a twentieth of 5.
-        let error = Rule::Relative.error(&turn, &Transform::IDENTITY, &cloud);
-        assert!(error.translation > 0.7 && !Rule::Relative.is_met(error, &cloud, 1.0));
+        let error = SuccessCriterion::Relative.error(&turn, &Transform::IDENTITY, &cloud);
+        assert!(error.translation > 0.7 && !SuccessCriterion::Relative.is_met(error, &cloud, 1.0));
         let shift = Transform::rigid(math::IDENTITY, [0.0, 0.0, 50.0]);
-        let error = Rule::Outdoor.error(&shift, &Transform::IDENTITY, &cloud);
+        let error = SuccessCriterion::Outdoor.error(&shift, &Transform::IDENTITY, &cloud);
         assert!(
-            Rule::Outdoor.is_met(error, &cloud, 0.01) && !Rule::Outdoor.is_met(error, &cloud, 1.0)
+            SuccessCriterion::Outdoor.is_met(error, &cloud, 0.01)
+                && !SuccessCriterion::Outdoor.is_met(error, &cloud, 1.0)
         );
-        assert_eq!(Rule::of_size(0.3), Rule::Relative);
-        assert_eq!((Rule::of_size(6.0), Rule::of_size(150.0)), (Rule::Indoor, Rule::Outdoor));
+        assert_eq!(SuccessCriterion::for_size(0.3), SuccessCriterion::Relative);
+        assert_eq!(
+            (SuccessCriterion::for_size(6.0), SuccessCriterion::for_size(150.0)),
+            (SuccessCriterion::Indoor, SuccessCriterion::Outdoor)
+        );
     }
 
     #[test]
     fn names_come_back() {
-        for rule in Rule::ALL {
-            assert_eq!(rule.to_string().parse::<Rule>().unwrap(), rule);
+        for rule in SuccessCriterion::ALL {
+            assert_eq!(rule.to_string().parse::<SuccessCriterion>().unwrap(), rule);
         }
-        assert!("loose".parse::<Rule>().unwrap_err().to_string().contains("outdoor-coarse"));
+        assert!(
+            "loose".parse::<SuccessCriterion>().unwrap_err().to_string().contains("outdoor-coarse")
+        );
     }
 }

@@ -29,12 +29,12 @@ const PAIR: (&str, &str) = ("tls_3dtk/scan001.ply", "tls_3dtk/scan000.ply");
 pub struct LectureHall {
     source: PointCloud,
     target: PointCloud,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<LectureHallResult>,
 }
 
 /// The answer of a method.
 #[derive(Debug, Clone, Serialize)]
-pub struct Outcome {
+pub struct LectureHallResult {
     /// The method's name on the command line.
     pub method: &'static str,
     /// What it found.
@@ -70,7 +70,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
         let found = method.register(&source, &target)?;
         let error = pose_error(&found.transform, &truth, source.centroid());
         let (transform, trusted) = (found.transform, found.trusted);
-        Ok::<_, Error>(Outcome { method: name, transform, trusted, error })
+        Ok::<_, Error>(LectureHallResult { method: name, transform, trusted, error })
     };
     let methods = [
         ("cf", Method::Cf(Cf::default())),

@@ -1,0 +1,110 @@
+//! A method from outside the crate, by public names alone: it registers, is verified, runs in bulk
+//! and has a page.
+
+use std::sync::Arc;
+
+use cfreg::batch::{Batch, PairList, results};
+use cfreg::cloud::shape::boulder;
+use cfreg::math::{self, Mat3, Vec3};
+use cfreg::method::{Consensus, MethodRecord, Register, Registration, SolvedPose};
+use cfreg::report::PairReport;
+use cfreg::verify::{Decision, default_distance, evaluate};
+use cfreg::{Error, PointCloud, Result, Transform};
+use serde::Serialize;
+
+/// Principal axes onto principal axes; of the four choices of signs the one with the largest
+/// fitness.
+#[derive(Serialize)]
+struct PrincipalAxes {
+    min_points: usize,
+}
+
+/// The centroid, and the axes as columns, right-handed.
+fn frame(cloud: &PointCloud) -> (Vec3, Mat3) {
+    let center = cloud.centroid();
+    let mut covariance = [[0.0; 3]; 3];
+    for p in cloud.positions() {
+        let d = math::sub(p, center);
+        covariance = [0, 1, 2].map(|i| math::add(covariance[i], math::scaled(d, d[i])));
+    }
+    let (_, vectors) = cfreg::math::eigen::symmetric(&covariance);
+    let mut axes = vectors;
+    axes[2] = math::cross(axes[0], axes[1]);
+    (center, math::transpose(&axes))
+}
+
+impl Register for PrincipalAxes {
+    fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
+        for (cloud, name) in [(source, "the source"), (target, "the target")] {
+            if cloud.len() < self.min_points {
+                let (found, needed) = (cloud.len(), self.min_points);
+                return Err(Error::TooFewPoints { what: name.into(), found, needed });
+            }
+        }
+        let ((from, a), (onto, b)) = (frame(source), frame(target));
+        let mut best: Option<(f64, Transform)> = None;
+        for signs in [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+            let flipped = b.map(|row| [0, 1, 2].map(|k| row[k] * signs[k]));
+            let rotation = math::mat_mul(&flipped, &math::transpose(&a));
+            let pose = Transform::rigid(rotation, [0.0; 3]);
+            let translation = math::sub(onto, pose.rotate(from));
+            let pose = Transform { translation, ..pose };
+            let distance = default_distance(source, target, pose.scale)?;
+            let fitness = evaluate(source, target, &pose, distance)?.fitness;
+            if best.is_none_or(|(least, _)| fitness > least) {
+                best = Some((fitness, pose));
+            }
+        }
+        let (_, pose) = best.expect("there are four");
+        SolvedPose::new(pose, MethodRecord::new("principal-axes", self)).finish(source, target)
+    }
+}
+
+fn pair() -> (PointCloud, PointCloud, Transform) {
+    let truth = Transform {
+        translation: [2.0, -1.0, 0.5],
+        ..Transform::from_rotation_vector([0.4, -1.0, 0.8])
+    };
+    let target = boulder().sample(2000, 2).unwrap().transformed(&truth).unwrap();
+    (boulder().sample(2000, 1).unwrap(), target, truth)
+}
+
+const METHOD: PrincipalAxes = PrincipalAxes { min_points: 10 };
+
+#[test]
+fn it_registers_and_is_verified() {
+    let (source, target, truth) = pair();
+    let found = METHOD.register(&source, &target).unwrap();
+    assert!(found.transform.after(&truth.inverse()).angle() < 0.1, "{:?}", found.transform);
+    assert_eq!(
+        (&*found.method.name, &found.method.settings["min_points"]),
+        ("principal-axes", &10.into())
+    );
+    assert!(found.evaluation.fitness > 0.3 && found.connections == 0);
+    // Nearest points at the pose stand in for weights.
+    assert!(found.moments.weight > 100.0 && found.singular_values[1] > 0.01, "{found:?}");
+    let verdict = Consensus::default().verify(&source, &target, &found.transform).unwrap();
+    let judged = found.with_verdict(verdict);
+    let verdict = judged.verdict.as_ref().unwrap();
+    assert_eq!(judged.trusted, verdict.decision == Decision::Accept, "{:?}", judged.doubts);
+    let few = source.select(&[0, 1, 2]);
+    assert!(matches!(METHOD.register(&few, &target), Err(Error::TooFewPoints { .. })));
+}
+
+#[test]
+fn it_runs_in_bulk_and_has_a_page() {
+    let (source, target, _) = pair();
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("rows.csv");
+    let mut batch = Batch::new(&METHOD, &METHOD);
+    let clouds = [("a", Arc::new(source.clone())), ("b", Arc::new(target.clone()))];
+    batch.in_memory.extend(clouds.map(|(name, cloud)| (name.to_string(), cloud)));
+    let done = batch.run(&PairList::new("", [["a", "b"], ["b", "a"]]), &output).unwrap();
+    assert_eq!(done.errors, 0);
+    let rows = results::read(&output).unwrap();
+    assert!(rows.len() == 2 && rows.iter().all(|row| row.fitness.unwrap() > 0.3));
+    let found = METHOD.register(&source, &target).unwrap();
+    let json = serde_json::to_string(&found).unwrap();
+    let page = PairReport::new(&json, &source, &target).unwrap().html().unwrap();
+    assert!(page.contains("principal-axes"));
+}
