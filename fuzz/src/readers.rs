@@ -117,7 +117,7 @@ pub fn pose(data: &[u8]) {
     assert!(off <= 1e-14 * pose.scale.max(1.0), "{off:e}: {before:?} {after:?}");
 }
 
-/// Asserts that a pose is finite, its rotation one to radius_pairs `tolerance`, its scale above 0.
+/// Asserts that a pose is finite, its rotation one to within `tolerance`, its scale above 0.
 pub(super) fn rigid(pose: &Transform, tolerance: f64) {
     let all = pose.matrix();
     assert!(all.as_flattened().iter().all(|x| x.is_finite()), "{all:?}");

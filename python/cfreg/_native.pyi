@@ -41,6 +41,7 @@ __all__ = [
     "read_list",
     "register",
     "register_batch",
+    "register_pose",
     "report",
     "rotation_vector",
     "settings",
@@ -196,6 +197,15 @@ def register(
     normalize: str = "none",
     initial: _Matrix | None = None,
     matches: npt.ArrayLike | None = None,
+    scores: npt.ArrayLike | None = None,
+) -> str: ...
+def register_pose(
+    source: _CloudLike,
+    target: _CloudLike,
+    transform: _Matrix,
+    method: tuple[str, str],
+    refinements: Sequence[tuple[str, str]],
+    options: str,
 ) -> str: ...
 def register_batch(
     pairs: Sequence[tuple[str, str]] | str | PathLike[str],

@@ -5,11 +5,11 @@
 //! moments and the calls of long work, there the methods, weights and results by their
 //! names in Python, and what is known of other libraries.
 //!
-//! [`arrays`] turns arrays into numbers and back, [`interop`] arrays and the clouds of other
-//! libraries into clouds, [`cloud_arg`] whatever stands for one; [`gil`] is the one way into
-//! long work: there the interpreter is released and signals are looked after; [`shutdown`] sees to
-//! it that what goes on without the interpreter outlives it in peace; [`errors`] makes exceptions
-//! of the crate's errors, [`panics`] of its panics.
+//! `arrays` turns arrays into numbers and back, `interop` arrays and the clouds of other
+//! libraries into clouds, `cloud_arg` whatever stands for one; `gil` is the one way into
+//! long work: there the interpreter is released and signals are looked after; `shutdown` sees to
+//! it that what goes on without the interpreter outlives it in peace; `errors` makes exceptions
+//! of the crate's errors, `panics` of its panics.
 //!
 //! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
 //! for `help()`; the module's tests compare them with those of the Rust structs.
@@ -52,7 +52,9 @@ mod _native {
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]
-    use super::registration::{evaluate, is_usable, judge, register, rotation_vector, settings};
+    use super::registration::{
+        evaluate, is_usable, judge, register, register_pose, rotation_vector, settings,
+    };
     #[pymodule_export]
     use super::report::{report, thumbnail};
     #[pymodule_export]

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::arrays::parse_pose;
+use super::arrays::{parse_pose, values_for_points};
 use super::cloud_arg::CloudArg;
 use super::errors::{SettingError, argument_error, optional_real, settings_error, to_pyerr};
 use super::gil::{Pool, run_interruptible, run_interruptible_on};
@@ -18,7 +18,7 @@ use super::panics::catch_panic;
 use super::weights::{CustomWeights, Weights};
 use cfreg::cloud::{PointCloud, Transform};
 use cfreg::error::{Error, Result};
-use cfreg::method::{Method, Pipeline, Register, Registration};
+use cfreg::method::{Method, MethodRecord, Pipeline, Register, Registration, SolvedPose};
 use cfreg::pose::nearest_rotation;
 use cfreg::verify;
 use cfreg::weight::Normalization;
@@ -30,6 +30,7 @@ pub(super) type NamedMethod = (String, String);
 struct MethodInputs {
     weights: Option<(CustomWeights, Normalization)>,
     matches: Option<Vec<(u32, u32)>>,
+    scores: Option<Vec<f32>>,
 }
 
 /// Whether the pose is verified afterwards, and which points are left out before; a JSON object.
@@ -70,7 +71,7 @@ impl RegistrationOptions {
 
 /// Finds the pose of the source in the frame of the target; the answer as JSON.
 #[pyfunction]
-#[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None))]
+#[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None, scores=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register(
     py: Python<'_>,
@@ -83,6 +84,7 @@ pub(super) fn register(
     normalize: &str,
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
+    scores: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let (first, refinements) = parse_chain(&method, &refinements)?;
     let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
@@ -94,10 +96,12 @@ pub(super) fn register(
         Some(Weights::Custom(own)) => Some((own, normalize.parse().map_err(to_pyerr)?)),
         Some(Weights::Named(_)) | None => None,
     };
-    let given = MethodInputs {
-        weights,
-        matches: matches.map(|matches| index_pairs(matches, "matches")).transpose()?,
-    };
+    let matches = matches.map(|matches| index_pairs(matches, "matches")).transpose()?;
+    let count = matches.as_ref().map_or(0, Vec::len);
+    let values = |scores| values_for_points(scores, "scores", count, "matches");
+    let scores = scores.map(values).transpose()?;
+    let scores = scores.map(|scores| scores.iter().map(|&score| score as f32).collect());
+    let given = MethodInputs { weights, matches, scores };
     let cloud = |any, name| match given.matches {
         Some(_) => CloudArg::read_indexed(any, name),
         None => CloudArg::read(any, name, None, BadRows::Drop),
@@ -132,12 +136,45 @@ fn register_first(
         (Method::Cfk(cfk), MethodInputs { weights: Some((own, normalization)), .. }) => {
             cfk.register_with(source, target, |connection| own.moments(connection, *normalization))
         }
+        (Method::Consensus(consensus), MethodInputs { matches: Some(matches), scores, .. }) => {
+            consensus.register_correspondences(source, target, matches, scores.as_deref())
+        }
         (Method::Teaser(teaser), MethodInputs { matches: Some(matches), .. }) => {
             teaser.register_correspondences(source, target, matches)
         }
         _ => return Ok(None),
     };
     found.map(Some)
+}
+
+/// A pose that a method in Python found, evaluated, refined and verified; the answer as JSON.
+#[pyfunction]
+pub(super) fn register_pose(
+    py: Python<'_>,
+    source: &Bound<'_, PyAny>,
+    target: &Bound<'_, PyAny>,
+    transform: &Bound<'_, PyAny>,
+    method: NamedMethod,
+    refinements: Vec<NamedMethod>,
+    options: &str,
+) -> PyResult<String> {
+    let transform = parse_pose(transform, "the pose of the method")?;
+    let (name, settings) = method;
+    let settings: Value = serde_json::from_str(&settings)
+        .map_err(|error| settings_error(&format!("settings of {name}"), error))?;
+    // The first method is the one that verifies: its own search is not made.
+    let verifier = ("consensus".to_string(), "{}".to_string());
+    let (first, refinements) = parse_chain(&verifier, &refinements)?;
+    let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
+    let chain = RegistrationOptions::read(options)?.apply_to(chain, false)?;
+    let source = CloudArg::read(source, "source", None, BadRows::Drop)?;
+    let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
+    let (source, target) = (source.get(), target.get());
+    let found = run_interruptible(py, || {
+        let solved = SolvedPose::new(transform, MethodRecord::new(&name, &settings));
+        chain.refine_from(solved.finish(source, target)?, source, target)
+    })?;
+    to_json(&found)
 }
 
 /// Every setting of a method, as JSON.

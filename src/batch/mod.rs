@@ -178,7 +178,7 @@ impl<'a> Batch<'a> {
     ///
     /// # Errors
     /// [`Error::Config`] for an output of another kind, for what an earlier run has left
-    /// ([`Start`]), for a journal of another list or other settings, for an output that is the list
+    /// ([`StartMode`]), for a journal of another list or other settings, for an output that is the list
     /// or one of its clouds, and for files beside it (`RESULTS.part`, `RESULTS.run.json`) that no run
     /// has left; [`Error::Io`] of journal
     /// and output; [`Error::Interrupted`]. A pair that cannot be read or registered is a row.

@@ -187,7 +187,7 @@ impl Pipeline {
     ) -> Result<Registration> {
         par::with_threads(consensus.threads, || {
             let mut times = Timings::default();
-            let search = consensus.search(source, target, &mut times)?;
+            let search = consensus.search(source, target, None, &mut times)?;
             let begun = search.to_registration(times)?;
             let [source, target] = search.clouds();
             let mut found = self.run_refinements(begun, source, target)?;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 /// [`worker_pool`](super::worker_pool()) on the caller's alone, whatever `threads` says.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MAX_THREADS`], or when the system does not give that
+/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system does not give that
 /// many.
 ///
 /// ```

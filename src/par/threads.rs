@@ -12,7 +12,7 @@ thread_local! {
     pub(super) static IS_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether the caller is one of a [`worker_pool`], whose work stays on its thread.
+/// Whether the caller is one of a [`worker_pool`](super::worker_pool()), whose work stays on its thread.
 pub fn in_worker() -> bool {
     IS_WORKER.get()
 }

@@ -30,7 +30,7 @@ pub enum Tangent {
 /// Clouds, and the poses between them that may be used.
 ///
 /// Edges count as independent of each other: a pair that is listed both ways is two edges, and
-/// its information counts twice. Each [part](Self::parts) floats by itself: optimisers want one
+/// its information counts twice. Each [part](Self::component_count) floats by itself: optimisers want one
 /// vertex of each held.
 ///
 /// ```
@@ -45,7 +45,7 @@ pub enum Tangent {
 ///     center: [0.0; 3],
 ///     probability: 0.99,
 /// })?;
-/// assert_eq!((graph.names().len(), graph.parts()), (2, 1));
+/// assert_eq!((graph.names().len(), graph.component_count()), (2, 1));
 /// assert!(graph.g2o(Tangent::Quaternion).contains("EDGE_SE3:QUAT 0 1"));
 /// # Ok::<(), cfreg::Error>(())
 /// ```

@@ -108,3 +108,28 @@ fn it_runs_in_bulk_and_has_a_page() {
     let page = PairReport::new(&json, &source, &target).unwrap().html().unwrap();
     assert!(page.contains("principal-axes"));
 }
+
+#[test]
+fn correspondences_from_elsewhere_are_verified_on_the_surfaces() {
+    let (source, _, truth) = pair();
+    let target = source.transformed(&truth).unwrap();
+    let right = (0..60u32).map(|i| (i, i));
+    let wrong = (0..200u32).map(|i| (i * 7 % 2000, i * 13 % 2000));
+    let pairs: Vec<(u32, u32)> = right.chain(wrong).collect();
+    let consensus = Consensus::default();
+    let found = consensus.register_correspondences(&source, &target, &pairs, None).unwrap();
+    assert!(found.is_usable(), "{:?}", found.verdict);
+    assert!(found.transform.after(&truth.inverse()).angle() < 0.01);
+    // Wrong ones alone find nothing that is accepted.
+    let wrong = &pairs[60..];
+    let found = consensus.register_correspondences(&source, &target, wrong, None).unwrap();
+    assert!(!found.is_usable(), "{:?}", found.verdict);
+    let refused = |pairs: &[(u32, u32)], scores: Option<&[f32]>| {
+        consensus.register_correspondences(&source, &target, pairs, scores).unwrap_err()
+    };
+    assert!(matches!(refused(&[(0, 0), (1, 1)], None), Error::TooFewPoints { .. }));
+    assert!(matches!(refused(&[(0, 0), (1, 2000), (2, 2)], None), Error::Shape { .. }));
+    assert!(matches!(refused(&pairs, Some(&[1.0])), Error::Shape { .. }));
+    let bad = vec![f32::NAN; pairs.len()];
+    assert!(matches!(refused(&pairs, Some(&bad)), Error::Config { field: "scores", .. }));
+}

@@ -11,7 +11,7 @@ use cfreg::error::Result;
 use cfreg::keypoint::{Keypoints, Sift};
 use cfreg::method::{Icp, Method};
 
-/// One change to a [`Cell`](super::cell::Cell).
+/// One change to a [`Cell`](super::cell::ExperimentCell).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variation {

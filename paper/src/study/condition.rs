@@ -145,7 +145,7 @@ impl Scenes {
     }
 
     /// Trial `number` of `condition`, and of which shape it is: they take turns. `None` where
-    /// [`have`](Self::have) says so.
+    /// [`have`](Self::supports) says so.
     ///
     /// # Errors
     /// Those of [`Protocol::trial`] and [`Views::trial`].

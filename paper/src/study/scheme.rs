@@ -61,7 +61,7 @@ impl Scheme {
     }
 }
 
-/// A way to describe points, one of [`Points::ALL`].
+/// A way to describe points, one of [`DescriptorSetup::ALL`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DescriptorSetup {
     /// Nearest points of the neighbourhoods whose descriptors stand beside each other, each

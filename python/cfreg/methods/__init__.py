@@ -12,12 +12,13 @@ from other settings. `threads` is 0 for all cores, and never changes a result.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from .. import _interop, _native
 from ..results import Registration
-from .base import Method, Refinements, LocalMethod
+from .base import LocalMethod, Method, Refinements, _options, _refinements
 from .by_consensus import Consensus, verify
 from .by_descriptor import CF, CFK, TEASER
 from .by_position import CPD, DARE, ICP, KC
@@ -69,6 +70,45 @@ def method(name: str, **settings: Any) -> Method:
     return made(**settings)
 
 
+class CustomMethod(Protocol):
+    """A method of one's own: any object with `register(source, target)`, which returns the pose, (4, 4).
+
+    Its result is evaluated, refined and verified as any other; `name` (default that of the class) and
+    `settings` (default none), a dict of JSON's types, stand in the result.
+    """
+
+    def register(self, source: Any, target: Any) -> Any: ...
+
+
+def _register_custom(
+    chosen: CustomMethod,
+    source: Any,
+    target: Any,
+    refine: Refinements,
+    verdict: bool | str,
+    keep_no_returns: bool,
+) -> Registration:
+    """The pose of a method of one's own, as a Registration."""
+    transform = chosen.register(source, target)
+    name = str(getattr(chosen, "name", type(chosen).__name__))
+    settings = getattr(chosen, "settings", {})
+    found = _native.register_pose(
+        source,
+        target,
+        transform,
+        (name, _interop.to_json(settings)),
+        _refinements(refine),
+        _interop.to_json(_options(verdict, keep_no_returns)),
+    )
+    return Registration(json.loads(found), (source, target))
+
+
+def _is_custom(given: Any) -> bool:
+    """Whether this is a method of one's own."""
+    made = not isinstance(given, (str, Method, type))
+    return made and callable(getattr(given, "register", None))
+
+
 def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
     """A method, given one or its name."""
     if isinstance(given, str):
@@ -85,11 +125,12 @@ def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
 def register(
     source: Any,
     target: Any,
-    method: str | Method = "consensus",
+    method: str | Method | CustomMethod = "consensus",
     *,
     refine: Refinements = (),
     initial: npt.ArrayLike | None = None,
     matches: npt.ArrayLike | None = None,
+    scores: npt.ArrayLike | None = None,
     verdict: bool | str = "auto",
     keep_no_returns: bool = False,
     **settings: Any,
@@ -103,11 +144,14 @@ def register(
         Rows that are not finite are left out and counted
     method : "consensus" (for scans that overlap in part), "cf" (the paper's full connection),
         "cf-multiscale" (with the sharpest weights), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
-        "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made
+        "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made; or any
+        object of your own with `register(source, target)`, which returns the pose, (4, 4)
     refine : a method that starts from a pose, by name or made, or several, one after the
         other: "gicp", ["icp", cfreg.ICP.plane(max_distance=0.1)]
     initial : (4, 4) pose to start from, for the methods that start from one
-    matches : (K, 2) rows of source and target, for "teaser"
+    matches : (K, 2) rows of source and target, correspondences from elsewhere, for "consensus" and
+        "teaser": they take the place of those by descriptors
+    scores : (K,) weights of the matches, 0 or more, for "consensus"
     verdict : whether a pose of a method without a verdict of its own is verified by a search like
         that of "consensus": True ("on"), False ("off") or "auto", which is True here
     keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
@@ -138,16 +182,27 @@ def register(
     >>> found.trusted, round(found.angle_deg), found.transform.shape
     (True, 90, (4, 4))
     """
-    chosen = _made(method, settings)
+    if _is_custom(method):
+        given = {"initial": initial, "matches": matches, "scores": scores, **settings}
+        for name, value in given.items():
+            if value is not None:
+                raise _native.SettingError(f"{name}: a method of your own takes none: give it there")
+        custom = cast(CustomMethod, method)
+        return _register_custom(custom, source, target, refine, verdict, keep_no_returns)
+    chosen = _made(cast("str | Method", method), settings)
     others: dict[str, Any] = {}
     if initial is not None:
         if not isinstance(chosen, LocalMethod):
             raise _native.SettingError(f"initial: {chosen.name} starts from no pose: leave it out")
         others["initial"] = initial
     if matches is not None:
-        if not isinstance(chosen, TEASER):
+        if not isinstance(chosen, (TEASER, Consensus)):
             raise _native.SettingError(f"matches: {chosen.name} takes none: leave them out")
         others["matches"] = matches
+    if scores is not None:
+        if matches is None or not isinstance(chosen, Consensus):
+            raise _native.SettingError("scores: only consensus takes them, with matches: leave them out")
+        others["scores"] = scores
     return chosen._register(
         source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns, **others
     )

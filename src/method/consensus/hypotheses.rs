@@ -6,17 +6,23 @@
 //! counted on rows of bits. Every match in turn, strongest first, weighs the others by it and
 //! is solved in closed form, unless a pose found before explains it.
 
-use crate::cloud::Transform;
+use std::sync::Arc;
+
+use crate::cloud::{PointCloud, Transform};
+use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::method::compatibility_graph::{CompatibilityGraph, set_bits};
 use crate::moments::Moments;
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
+use crate::surface::Surface;
 
 /// Most different distances of compatible matches, in lengths.
 const MAX_LENGTH_DIFFERENCE: f64 = 1.5;
 /// Distance below which two matches tell nothing by their distance, in lengths.
 const MIN_PAIR_LENGTH: f32 = 2.0;
+/// Most correspondences: their graph takes the square of them in bits. Chosen by hand.
+pub(super) const MAX_CORRESPONDENCES: usize = 2500;
 /// Others that a match is solved with first.
 const SEED_NEIGHBORS: usize = 12;
 /// Matches that are solved before those that their poses explain are passed over.
@@ -37,6 +43,70 @@ pub(super) struct Correspondences {
     pub(super) voxel_size: f64,
 }
 
+/// A correspondence from elsewhere, in the frames of the clouds.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::method) struct PointPair {
+    source: Vec3,
+    target: Vec3,
+    weight: f64,
+}
+
+impl PointPair {
+    /// The pairs of points with these indices.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::Config`] and [`Error::TooFewPoints`], as
+    /// [`Consensus::register_correspondences`](super::Consensus::register_correspondences) says.
+    pub(super) fn from_indices(
+        source: &PointCloud,
+        target: &PointCloud,
+        pairs: &[(u32, u32)],
+        scores: Option<&[f32]>,
+    ) -> Result<Vec<PointPair>> {
+        if let Some(scores) = scores {
+            if scores.len() != pairs.len() {
+                let what = "scores of the correspondences".into();
+                return Err(Error::Shape { what, expected: pairs.len(), found: scores.len() });
+            }
+            if let Some(bad) = scores.iter().find(|score| !(score.is_finite() && **score >= 0.0)) {
+                return Err(Error::config("scores", bad, "must be finite, 0 or more"));
+            }
+        }
+        for (cloud, name, most) in [
+            (source, "source", pairs.iter().map(|pair| pair.0).max()),
+            (target, "target", pairs.iter().map(|pair| pair.1).max()),
+        ] {
+            if let Some(index) = most.filter(|&index| index as usize >= cloud.len()) {
+                let what = format!("{name} points, of which a correspondence names number {index}");
+                return Err(Error::Shape {
+                    what,
+                    expected: index as usize + 1,
+                    found: cloud.len(),
+                });
+            }
+        }
+        let point_weight = |cloud: &PointCloud, i: usize| {
+            cloud.relative_weights().map_or(1.0, |weights| f64::from(weights[i]))
+        };
+        let pair = |(k, &(i, j)): (usize, &(u32, u32))| {
+            let (i, j) = (i as usize, j as usize);
+            let score = scores.map_or(1.0, |scores| f64::from(scores[k]));
+            PointPair {
+                source: source.position(i),
+                target: target.position(j),
+                weight: score * point_weight(source, i) * point_weight(target, j),
+            }
+        };
+        let mut all: Vec<PointPair> = pairs.iter().enumerate().map(pair).collect();
+        all.retain(|pair| pair.weight > 0.0);
+        if all.len() < 3 {
+            let what = "the correspondences".into();
+            return Err(Error::TooFewPoints { what, found: all.len(), needed: 3 });
+        }
+        Ok(all)
+    }
+}
+
 /// A pose in local frames, and the matches that agree with it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hypothesis {
@@ -46,6 +116,37 @@ pub(super) struct Hypothesis {
 }
 
 impl Correspondences {
+    /// Correspondences from elsewhere; those whose points are not on both surfaces, as points that
+    /// were excluded, are left out.
+    pub(super) fn from_pairs(
+        [source, target]: &[Arc<Surface>; 2],
+        given: &[PointPair],
+        voxel_size: f64,
+    ) -> Self {
+        let mut found = Correspondences {
+            source: Vec::new(),
+            target: Vec::new(),
+            weights: Vec::new(),
+            pairs: Vec::new(),
+            voxel_size,
+        };
+        let mut order: Vec<&PointPair> = given.iter().collect();
+        order.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        for pair in order {
+            let [p, q] =
+                [math::sub(pair.source, source.origin), math::sub(pair.target, target.origin)];
+            let (Some(i), Some(j)) = (source.nearest(p), target.nearest(q)) else { continue };
+            found.source.push(p.map(|x| x as f32));
+            found.target.push(q.map(|x| x as f32));
+            found.weights.push(pair.weight);
+            found.pairs.push((i.index, j.index));
+            if found.pairs.len() == MAX_CORRESPONDENCES {
+                break;
+            }
+        }
+        found
+    }
+
     fn len(&self) -> usize {
         self.source.len()
     }

@@ -14,6 +14,7 @@ mod weight_graph;
 use serde::{Deserialize, Serialize};
 
 use self::filtered_cloud::FilteredCloud;
+use self::hypotheses::PointPair;
 use self::scan::{Scan, ViewpointHypothesis};
 pub use self::scored_pose::ScoredPose;
 use self::trial::ViewpointTrial;
@@ -135,6 +136,8 @@ pub(super) struct ConsensusSearch<'a> {
     config: Consensus,
     voxel_size: f64,
     scans: [Scan<'a>; 2],
+    /// Correspondences from elsewhere, in place of those by descriptors.
+    given: Option<&'a [PointPair]>,
     /// From where they were seen, where that is known.
     known_viewpoints: [Option<ViewpointHypothesis>; 2],
     trials: Vec<ViewpointTrial>,
@@ -191,9 +194,14 @@ impl Consensus {
         Ok(side)
     }
 
-    fn run(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
+    fn run(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+        given: Option<&[PointPair]>,
+    ) -> Result<Registration> {
         let mut times = Timings::default();
-        self.search(source, target, &mut times)?.to_registration(times)
+        self.search(source, target, given, &mut times)?.to_registration(times)
     }
 
     /// The search whose best pose is the answer.
@@ -201,9 +209,10 @@ impl Consensus {
         &self,
         source: Cached<'a>,
         target: Cached<'a>,
+        given: Option<&'a [PointPair]>,
         times: &mut Timings,
     ) -> Result<ConsensusSearch<'a>> {
-        let search = self.filter_and_search(source, target, times)?;
+        let search = self.filter_and_search(source, target, given, times)?;
         let pose = search.best_pose();
         Ok(search.remove_ego_vehicle(&pose, times))
     }
@@ -213,6 +222,7 @@ impl Consensus {
         &self,
         source: Cached<'a>,
         target: Cached<'a>,
+        given: Option<&'a [PointPair]>,
         times: &mut Timings,
     ) -> Result<ConsensusSearch<'a>> {
         self.validate()?;
@@ -224,12 +234,13 @@ impl Consensus {
         }
         let whole = |end| FilteredCloud::new(end, self.range_limit, self.keep_no_returns);
         let clouds = times.time("range limit", || par::join_pair([source, target], whole))?;
-        self.search_filtered(clouds, times)
+        self.search_filtered(clouds, given, times)
     }
 
     fn search_filtered<'a>(
         &self,
         [source, target]: [FilteredCloud<'a>; 2],
+        given: Option<&'a [PointPair]>,
         times: &mut Timings,
     ) -> Result<ConsensusSearch<'a>> {
         let length = times.time("thin", || self.choose_voxel_size([&source, &target]))?;
@@ -241,7 +252,7 @@ impl Consensus {
         let ends = || scans.each_ref();
         let sensors =
             times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
-        let attempts = config.run_trials(&scans, sensors, length, times)?;
+        let attempts = config.run_trials(&scans, sensors, given, length, times)?;
         let odds = |attempt: &ViewpointTrial| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.log_odds)
         };
@@ -260,6 +271,7 @@ impl Consensus {
         let evidence = at.evidence(&settled.pose, COARSE_REFINEMENT.max_points);
         Ok(ConsensusSearch {
             config,
+            given,
             voxel_size: length,
             scans,
             known_viewpoints: sensors,
@@ -298,7 +310,7 @@ impl ConsensusSearch<'_> {
         }
         let far =
             [self.scans[0].remove_ego_vehicle(source), self.scans[1].remove_ego_vehicle(target)];
-        self.config.search_filtered(far, times).unwrap_or(self)
+        self.config.search_filtered(far, self.given, times).unwrap_or(self)
     }
 }
 
@@ -322,13 +334,37 @@ fn mean_displacement(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
     places.iter().map(off).sum::<f64>() / places.len() as f64
 }
 
+impl Consensus {
+    /// Registers by correspondences that are given: indices of a source and of a target point each,
+    /// with `scores` or all alike. They take the place of those by descriptors; the poses that they
+    /// propose are verified on the surfaces as any other.
+    ///
+    /// At most 2,500 are used, those with the largest scores; a score is the weight of a
+    /// correspondence where poses are solved, and one of 0 leaves it out.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for an index beyond its cloud and for another number of scores,
+    /// [`Error::Config`] for a score that is negative or not finite, [`Error::TooFewPoints`] for
+    /// fewer than three correspondences, and those of [`Register::register`].
+    pub fn register_correspondences(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pairs: &[(u32, u32)],
+        scores: Option<&[f32]>,
+    ) -> Result<Registration> {
+        let given = PointPair::from_indices(source, target, pairs, scores)?;
+        par::with_threads(self.threads, || self.run(source.into(), target.into(), Some(&given)))?
+    }
+}
+
 impl Register for Consensus {
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         self.register_cached(source.into(), target.into())
     }
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
-        par::with_threads(self.threads, || self.run(source, target))?
+        par::with_threads(self.threads, || self.run(source, target, None))?
     }
 }
 

@@ -72,7 +72,8 @@ impl Consensus {
         target: &PointCloud,
     ) -> Result<Vec<ScoredPose>> {
         par::with_threads(self.threads, || {
-            let search = self.search(source.into(), target.into(), &mut Timings::default())?;
+            let search =
+                self.search(source.into(), target.into(), None, &mut Timings::default())?;
             let mut judged = Vec::new();
             for attempt in &search.trials {
                 let [from, onto] = &attempt.surfaces;

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::hypotheses::Correspondences;
+use super::hypotheses::MAX_CORRESPONDENCES;
+use super::hypotheses::{Correspondences, PointPair};
 use super::scan::{Scan, ViewpointHypothesis, append_channels};
 use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
@@ -13,8 +14,6 @@ use crate::par;
 use crate::surface::{INLIER_DISTANCE, Surface, refine};
 use crate::verify::{PoseEvidence, VerdictModel, squared_descriptor_distance};
 
-/// Most matches: their graph takes the square of them in bits.
-const MAX_CORRESPONDENCES: usize = 2500;
 /// Mutual matches below which every point of the source is matched with its most alike.
 const MIN_MUTUAL: usize = 16;
 /// Points by which hypotheses are judged at first.
@@ -64,12 +63,13 @@ impl Consensus {
         &self,
         scans: &[Scan<'_>; 2],
         sensors: [Option<ViewpointHypothesis>; 2],
+        given: Option<&[PointPair]>,
         length: f64,
         times: &mut Timings,
     ) -> Result<Vec<ViewpointTrial>> {
         let mut attempts = Vec::new();
         let mut attempt = |views: [ViewpointHypothesis; 2], times: &mut Timings| -> Result<bool> {
-            let found = self.run_trial(scans, views, length, times)?;
+            let found = self.run_trial(scans, views, given, length, times)?;
             let odds = found.candidates.first().map(|best| best.log_odds);
             attempts.push(found);
             Ok(odds.is_some_and(|odds| odds >= EARLY_EXIT_LOG_ODDS))
@@ -99,6 +99,7 @@ impl Consensus {
         &self,
         scans: &[Scan<'_>; 2],
         [from, onto]: [ViewpointHypothesis; 2],
+        given: Option<&[PointPair]>,
         length: f64,
         times: &mut Timings,
     ) -> Result<ViewpointTrial> {
@@ -109,12 +110,15 @@ impl Consensus {
         let find = |matches: &Correspondences| matches.generate_hypotheses(self.seeds, &self.prior);
         // Channels tell the poses that shapes propose apart: they shall not hide one of them.
         let mut found = Vec::new();
-        if !self.channels.is_empty() {
+        if !self.channels.is_empty() && given.is_none() {
             let bare = times.time("matches", || match_features(&surfaces, length))?;
             found = times.time("hypotheses", || find(&bare));
             times.time("descriptors", || append_channels(&mut surfaces, &self.channels))?;
         }
-        let matches = times.time("matches", || match_features(&surfaces, length))?;
+        let matches = times.time("matches", || match given {
+            Some(pairs) => Ok(Correspondences::from_pairs(&surfaces, pairs, length)),
+            None => match_features(&surfaces, length),
+        })?;
         found.extend(times.time("hypotheses", || find(&matches)));
         let [source, target] = surfaces;
         let corners = probe_points(&source);

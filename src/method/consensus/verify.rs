@@ -66,7 +66,7 @@ impl Consensus {
         let rigid = Transform { scale: 1.0, ..*pose };
         let mut verdict = par::with_threads(self.threads, || {
             let times = &mut Timings::default();
-            let search = self.filter_and_search(source, target, times)?;
+            let search = self.filter_and_search(source, target, None, times)?;
             Ok::<_, Error>(search.remove_ego_vehicle(&rigid, times).verify(&rigid))
         })??;
         if let Some(other) = &mut verdict.runner_up {

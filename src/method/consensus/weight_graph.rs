@@ -17,7 +17,8 @@ impl Consensus {
         pose: &Transform,
     ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
-            let search = self.search(source.into(), target.into(), &mut Timings::default())?;
+            let search =
+                self.search(source.into(), target.into(), None, &mut Timings::default())?;
             let attempt = &search.trials[search.best_trial];
             let [from, onto] = &attempt.surfaces;
             let ends = [from.feature_view(), onto.feature_view()];
