@@ -47,7 +47,7 @@ pub fn pcd(data: &[u8]) {
 pub fn text(data: &[u8]) {
     const NAMES: [&str; 6] =
         ["input.xyz", "input.xyzn", "input.csv", "input.pts", "input.txt", "input"];
-    // A line of names, at most 1 MiB long, takes up to 200 times its size where all names are empty.
+    // A line of names, at most 1 MiB long, takes up to 200 times its size: a letter is a column.
     let longest = data.split(|&byte| byte == b'\n').map(<[u8]>::len).max().unwrap_or(0);
     cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 250 * longest);
 }

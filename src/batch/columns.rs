@@ -37,7 +37,7 @@ pub(super) enum CellValue<'a> {
 
 impl CellValue<'_> {
     /// As CSV has it, every digit kept; nothing for `None`.
-    pub(super) fn to_csv(&self) -> String {
+    pub(super) fn to_csv(self) -> String {
         match self {
             CellValue::Text(text) => text.unwrap_or_default().into(),
             CellValue::Flag(flag) => flag.map_or_else(String::new, |flag| flag.to_string()),

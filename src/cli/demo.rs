@@ -74,16 +74,16 @@ impl DemoCommand {
             print_json(&DemoOutput { registration: &registration, truth, error })?;
         } else {
             log(&format!(
-                "two independent samples of one shape, {} points each, one of them moved\n{}",
+                "two samples of one shape, {} points each; the second is moved by a known pose\n{}",
                 self.points,
                 summary(&registration)
             ));
             print(&matrix_text(&registration.transform.matrix()))?;
             let turned = Transform::rigid(truth.rotation, [0.0; 3]).angle().to_degrees();
             log(&format!(
-                "truth: turned by {turned:.1} deg; the pose is off by {:.3} deg and {:.4} ({:.2} % of the shape)\n",
+                "the true rotation is {turned:.3} deg; the pose is off by {:.3} deg and {:.2} % of the \
+                 size of the shape\n",
                 error.rotation_deg,
-                error.translation,
                 100.0 * error.translation / source.diagonal()
             ));
         }

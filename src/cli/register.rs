@@ -8,12 +8,12 @@ use serde::Serialize;
 use super::options::MethodOptions;
 use super::report_options::ReportOptions;
 use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
-use crate::cloud::ViewpointSource;
+use crate::cloud::{Transform, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
 use crate::report::PairReport;
-use crate::verify::Warning;
+use crate::verify::{Decision, Warning};
 use crate::{io, par};
 
 #[derive(Args)]
@@ -85,7 +85,7 @@ impl RegisterCommand {
                 input::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
             let seconds = start.elapsed().as_secs_f64();
             let mut registration = method.register(&source, &target)?;
-            registration.time_s.0.insert(0, ("read", seconds));
+            registration.time_s.0.insert(0, ("read".into(), seconds));
             Ok::<_, Error>((registration, [source, target]))
         })??;
         bar.finish_and_clear();
@@ -168,27 +168,35 @@ fn advice(registration: &Registration) -> &'static str {
     }
 }
 
-/// A few lines for the person who looks.
+/// The result in a few lines: decision and probability first.
 pub(super) fn summary(registration: &Registration) -> String {
     let r = registration;
-    let points = r.points;
-    let verdict = r.verdict.as_ref().map_or_else(String::new, |verdict| format!("{verdict}\n"));
-    format!(
-        "{verdict}{}: {} + {} points, {:.3e} connections, {:.3e} effective\n\
-         fitness {:.3} of the source, {:.3} of the target within {:.4}; {:.2} beyond chance\n\
-         relative singular values {:.4} {:.4} {:.4}; {:.2} s\n",
-        r.method.name,
-        points.source.described,
-        points.target.described,
-        r.connections as f64,
-        r.effective_connections,
+    let mut lines = Vec::new();
+    if let Some(verdict) = &r.verdict {
+        let probability = verdict.probability;
+        lines.push(format!("{}: right with probability {probability:.3}", verdict.decision));
+        if verdict.decision != Decision::Accept {
+            lines.extend(verdict.reasons.iter().map(|reason| format!("  {reason}")));
+        }
+    }
+    let [x, y, z] = r.transform.translation;
+    lines.push(format!(
+        "rotation {:.3} deg, translation {x:.4} {y:.4} {z:.4}",
+        Transform::rigid(r.transform.rotation, [0.0; 3]).angle().to_degrees()
+    ));
+    lines.push(format!(
+        "fitness {:.3} of the source and {:.3} of the target within {:.4}, RMSE {:.4}",
         r.evaluation.fitness,
         r.evaluation.target_fitness,
         r.evaluation.max_distance,
-        r.evaluation.chance_corrected_fitness(),
-        r.singular_values[0],
-        r.singular_values[1],
-        r.singular_values[2],
-        r.time_s.total(),
-    )
+        r.evaluation.inlier_rmse
+    ));
+    lines.push(format!(
+        "{}: {} + {} points in {:.2} s",
+        r.method.name,
+        r.points.source.described,
+        r.points.target.described,
+        r.time_s.total()
+    ));
+    lines.join("\n") + "\n"
 }

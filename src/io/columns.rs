@@ -241,6 +241,16 @@ impl ColumnMap {
         Ok(())
     }
 
+    /// The same columns of a file that has `count` more, without a name.
+    pub fn without_unnamed(mut self, count: usize) -> ColumnMap {
+        match count {
+            0 => {}
+            1 => self.differences.leave_out("1 column without a name"),
+            _ => self.differences.leave_out(format!("{count} columns without a name")),
+        }
+        self
+    }
+
     /// The same, noting columns that have no name, up to `width`.
     pub fn without_names(mut self, width: usize) -> ColumnMap {
         let named = self.uses.len();

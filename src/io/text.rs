@@ -136,8 +136,13 @@ impl Preamble {
 
 /// The columns that a line names.
 fn columns_from_names(line: &str) -> Result<ColumnMap, String> {
-    let columns = ColumnMap::from_names(words(line).map(Some))?;
-    Ok(columns.with_kinds(|name, _| color(name).map_or(ColumnKind::Number, ColumnKind::Text)))
+    // A table of pandas begins with its index, which has no name.
+    let named = |word: &&str| !word.is_empty();
+    let unnamed = words(line).filter(|word| word.is_empty()).count();
+    let columns = ColumnMap::from_names(words(line).map(|word| Some(word).filter(named)))?;
+    Ok(columns
+        .without_unnamed(unnamed)
+        .with_kinds(|name, _| color(name).map_or(ColumnKind::Number, ColumnKind::Text)))
 }
 
 /// Writes a line of names after `comment`, then a point a line, each number with as

@@ -59,8 +59,8 @@ pub(super) fn refine_with_distance_limit(
         let mut refined = bounded.refine_cached(source, target, &pose)?;
         if let Some(earlier) = &found {
             refined.iterations += earlier.iterations;
-            for &(stage, seconds) in &earlier.time_s.0 {
-                refined.time_s.add(stage, seconds);
+            for (stage, seconds) in &earlier.time_s.0 {
+                refined.time_s.add(stage.clone(), *seconds);
             }
         }
         found = Some(refined);

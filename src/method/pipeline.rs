@@ -214,7 +214,9 @@ impl Pipeline {
                 Ok(mut refined) => {
                     let own = std::mem::take(&mut refined.time_s);
                     refined.time_s = found.time_s.clone();
-                    own.0.iter().for_each(|&(stage, seconds)| refined.time_s.add(stage, seconds));
+                    own.0
+                        .iter()
+                        .for_each(|(stage, seconds)| refined.time_s.add(stage.clone(), *seconds));
                     refined.refined_from = Some(Box::new(found));
                     found = refined;
                 }

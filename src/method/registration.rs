@@ -1,9 +1,12 @@
 //! What a registration returns.
 
+use std::borrow::Cow;
+use std::fmt;
 use std::time::Instant;
 
+use serde::de::{MapAccess, Visitor};
 use serde::ser::SerializeMap;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::MethodRecord;
 use super::termination::{IterationRecord, StopReason};
@@ -16,7 +19,7 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 ///
 /// Serialises to the object that `cfreg register --json` prints; the
 /// README has its fields.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
     pub transform: Transform,
@@ -31,21 +34,23 @@ pub struct Registration {
     pub doubts: Vec<Warning>,
     /// Whether to take the pose, with its probability, for methods that can tell and refinements
     /// that stay with their pose; what is not to be taken is in `doubts` too.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
     /// How the clouds lie on each other under the pose.
     pub evaluation: Evaluation,
     /// √(Σw‖T p − q‖² / Σw): weighted root mean square over the connections, in the
     /// target's unit. On a full connection it is of the size of the cloud even for the
     /// perfect pose; it compares poses of one problem, not problems.
+    #[serde(deserialize_with = "nan_from_null")]
     pub weighted_rms: f64,
     /// Squared bandwidth β of the kernel, for methods that weigh by descriptors: what
     /// `auto` came to.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
     /// Number of connections that were weighed.
     pub connections: u64,
     /// Effective number of connections (Σw)²/Σw², from 1 to `connections`.
+    #[serde(deserialize_with = "nan_from_null")]
     pub effective_connections: f64,
     /// Singular values of the weighted cross-covariance relative to the clouds' weighted
     /// spread, in [0, 1], descending: how strongly, and in how many directions, the
@@ -58,7 +63,7 @@ pub struct Registration {
     /// What ended the iterations.
     pub stop: StopReason,
     /// Every iteration, where the configuration asks for a trace; else empty.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<IterationRecord>,
     /// Points of both clouds, from file to solve.
     pub points: PointCounts,
@@ -66,10 +71,10 @@ pub struct Registration {
     pub time_s: Timings,
     /// How far from the best the rotation can be, where the configuration asks for it and
     /// the method can tell ([`Teaser::certify`](super::Teaser::certify)).
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub certificate: Option<Certificate>,
     /// The registration that was refined, when this is a refinement.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refined_from: Option<Box<Registration>>,
 }
 
@@ -131,7 +136,7 @@ fn with_messages<S: Serializer>(
 /// and of an even choice of 100 beyond. The answer itself uses more differences; hence two
 /// numbers, both small where all is well. That the largest set of consistent matches is
 /// the right one is not part of it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Certificate {
     /// Share of its cost that any other rotation could save, at most: from 0, the best
     /// there is, to 1, nothing is known. Costs below a millionth of the bound squared a
@@ -146,7 +151,7 @@ pub struct Certificate {
 }
 
 /// Points of the two clouds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointCounts {
     /// Of the source.
     pub source: CloudCounts,
@@ -155,7 +160,7 @@ pub struct PointCounts {
 }
 
 /// What became of the points of a cloud.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CloudCounts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
     pub dropped: usize,
@@ -193,7 +198,7 @@ impl CloudCounts {
 
 /// Names and seconds of stages, in order.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Timings(pub Vec<(&'static str, f64)>);
+pub struct Timings(pub Vec<(Cow<'static, str>, f64)>);
 
 impl Timings {
     /// Runs `work` and adds its seconds under `stage` (to those already there).
@@ -205,7 +210,8 @@ impl Timings {
     }
 
     /// Adds seconds under `stage`.
-    pub fn add(&mut self, stage: &'static str, seconds: f64) {
+    pub fn add(&mut self, stage: impl Into<Cow<'static, str>>, seconds: f64) {
+        let stage = stage.into();
         match self.0.iter_mut().find(|(name, _)| *name == stage) {
             Some((_, sum)) => *sum += seconds,
             None => self.0.push((stage, seconds)),
@@ -227,4 +233,35 @@ impl Serialize for Timings {
         map.serialize_entry("total", &self.total())?;
         map.end()
     }
+}
+
+impl<'de> Deserialize<'de> for Timings {
+    /// From a map of seconds by stage; the order is kept, `total` follows from the others.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        struct Stages;
+
+        impl<'de> Visitor<'de> for Stages {
+            type Value = Timings;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("seconds by stage")
+            }
+
+            fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<Timings, M::Error> {
+                let mut stages: Vec<(Cow<'static, str>, f64)> = Vec::new();
+                while let Some((stage, seconds)) = map.next_entry::<String, f64>()? {
+                    stages.push((stage.into(), seconds));
+                }
+                stages.retain(|(stage, _)| stage != "total");
+                Ok(Timings(stages))
+            }
+        }
+
+        deserializer.deserialize_map(Stages)
+    }
+}
+
+/// A number that JSON has as `null` where it is none.
+fn nan_from_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }

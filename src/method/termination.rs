@@ -1,11 +1,11 @@
 //! What iterations report: each step, and why they ended.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::Transform;
 
 /// Why a method stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum StopReason {
@@ -22,7 +22,7 @@ pub enum StopReason {
 }
 
 /// One iteration: weights made at a pose, solved for the next.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct IterationRecord {
     /// From 1.
     pub iteration: u32,

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use faer::linalg::solvers::DenseSolveCore;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::Transform;
 use crate::math::cholesky::{self, Mat6, Vec6};
@@ -19,7 +19,7 @@ use crate::par;
 use crate::surface::{SurfacePair, twist_row};
 
 /// A small motion: a turn about the [`center`](PoseCovariance::center), and a shift.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Twist {
     /// Rotation vector, radians.
     pub rotation: Vec3,
@@ -34,7 +34,7 @@ pub struct Twist {
 ///
 /// It knows of noise and of errors that go together among neighbours, not of a scan that is
 /// warped as a whole, which agrees with itself and no other frame.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoseCovariance {
     /// Rows of six: rotation vector (radians), then shift (the target's unit).
     pub matrix: Mat6,

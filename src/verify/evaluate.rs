@@ -1,6 +1,7 @@
 //! How well two clouds lie on each other under a pose.
 
-use serde::ser::{Serialize, SerializeStruct, Serializer};
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -54,6 +55,29 @@ impl Serialize for Evaluation {
         fields.serialize_field("chance", &self.chance_fitness)?;
         fields.serialize_field("agreement", &self.chance_corrected_fitness())?;
         fields.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Evaluation {
+    /// From the fields that are serialised: `null` is NaN, `agreement` follows from the others.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        struct Fields {
+            fitness: Option<f64>,
+            target_fitness: Option<f64>,
+            inlier_rmse: Option<f64>,
+            max_distance: Option<f64>,
+            chance: Option<f64>,
+        }
+        let fields = Fields::deserialize(deserializer)?;
+        let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        Ok(Evaluation {
+            fitness: number(fields.fitness),
+            target_fitness: number(fields.target_fitness),
+            inlier_rmse: number(fields.inlier_rmse),
+            max_distance: number(fields.max_distance),
+            chance_fitness: number(fields.chance),
+        })
     }
 }
 

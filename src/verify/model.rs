@@ -104,6 +104,13 @@ pub struct Thresholds {
     pub ambiguous_odds: f64,
 }
 
+impl Default for Thresholds {
+    /// Those of the built-in model.
+    fn default() -> Self {
+        VerdictModel::built_in().thresholds
+    }
+}
+
 /// Evidence for the answer of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Confidence {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::PoseCovariance;
 use super::model::{Thresholds, VerdictModel};
@@ -10,7 +10,7 @@ use crate::cloud::Transform;
 use crate::error::{Error, Result};
 
 /// What to do with a pose.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decision {
     /// Take it.
@@ -70,7 +70,7 @@ impl fmt::Display for Decision {
 }
 
 /// Another pose that would do.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RunnerUp {
     /// Source into target frame.
     pub transform: Transform,
@@ -79,7 +79,7 @@ pub struct RunnerUp {
 }
 
 /// Whether to take an answer, and why.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// What to do.
     pub decision: Decision,
@@ -99,6 +99,7 @@ pub struct Verdict {
     /// lie on the target: a rigid pose of both as they are is then ambiguous.
     pub other_scale: Option<f64>,
     /// Version of the [`VerdictModel`] that gave the probabilities and the decision.
+    #[serde(default)]
     pub model: String,
     /// Its thresholds.
     #[serde(skip)]

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::evaluate::Evaluation;
 use super::model::Thresholds;
@@ -51,7 +51,7 @@ pub const MIN_THIRD_SINGULAR_VALUE: f64 = 1e-6;
 pub const MIN_KEYPOINTS: usize = 10;
 
 /// A ground to doubt an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "ground", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Warning {

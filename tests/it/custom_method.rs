@@ -133,3 +133,24 @@ fn correspondences_from_elsewhere_are_verified_on_the_surfaces() {
     let bad = vec![f32::NAN; pairs.len()];
     assert!(matches!(refused(&pairs, Some(&bad)), Error::Config { field: "scores", .. }));
 }
+
+#[test]
+fn results_come_back_from_their_json() {
+    let (source, target, _) = pair();
+    let refined: cfreg::method::Method = "gicp".parse().unwrap();
+    let pipeline =
+        cfreg::method::Pipeline::new("consensus".parse().unwrap(), vec![refined]).unwrap();
+    for method in [&pipeline as &dyn Register, &METHOD] {
+        let found = method.register(&source, &target).unwrap();
+        let text = serde_json::to_string(&found).unwrap();
+        let back: Registration = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.transform, found.transform);
+        assert_eq!(
+            (&back.method, &back.doubts, &back.points),
+            (&found.method, &found.doubts, &found.points)
+        );
+        assert_eq!((&back.verdict, &back.time_s), (&found.verdict, &found.time_s));
+        assert_eq!(back.refined_from.is_some(), found.refined_from.is_some());
+        assert_eq!(serde_json::to_string(&back).unwrap(), text);
+    }
+}

@@ -204,9 +204,9 @@ fn any_rotation_is_found_from_descriptors() {
         let found = by_descriptor().register(&source, &target).unwrap();
         let error = pose_error(&found.transform, &motion, source.centroid());
         assert!(error.rotation_deg < 10.0 && error.translation < 0.2, "{vector:?}: {error:?}");
-        let stages = found.time_s.0.iter().map(|(stage, _)| *stage).collect::<Vec<_>>();
+        let stages = found.time_s.0.iter().map(|(stage, _)| stage.to_string()).collect::<Vec<_>>();
         let own = ["matches", "graph", "clique", "rotation", "evaluate"];
-        assert!(own.iter().all(|stage| stages.contains(stage)), "{stages:?}");
+        assert!(own.iter().all(|own| stages.iter().any(|stage| stage == own)), "{stages:?}");
         assert_eq!((found.points.source.used, found.points.target.described), (2000, 2000));
     }
 }

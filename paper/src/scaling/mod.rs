@@ -263,8 +263,8 @@ fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> 
 }
 
 fn stages_text(found: &Registration) -> String {
-    let stage = |(name, seconds): &(&str, f64)| format!("{name} {seconds:.2e}");
-    found.time_s.0.iter().map(stage).collect::<Vec<_>>().join("; ")
+    let stages = found.time_s.0.iter();
+    stages.map(|(name, seconds)| format!("{name} {seconds:.2e}")).collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]
