@@ -332,8 +332,7 @@ class Registration:
 
     def inverse(self) -> npt.NDArray[np.float64]:
         """(4, 4), maps target points into the frame of the source."""
-        inverse: npt.NDArray[np.float64] = np.linalg.inv(self.transform)
-        return inverse
+        return np.asarray(np.linalg.inv(self.transform), dtype=np.float64)
 
     @property
     def scale(self) -> float:

@@ -365,7 +365,7 @@ class Panics(unittest.TestCase):
         self.assertEqual((done.returncode, done.stderr), (0, ""))
         lines = done.stdout.splitlines()
         for place, line in zip(("work", "loop", "detached", "glue"), lines):
-            expected = rf"^a bug in cfreg, please report it: asked for in {place} \(src/.*panics.rs:\d+:\d+\)$"
+            expected = rf"^a bug in cfreg, please report it: asked for in {place} \(python/src/panics.rs:\d+:\d+\)$"
             self.assertRegex(line, expected)
         self.assertEqual(lines[4:], ["4"])
 

@@ -66,7 +66,7 @@ class Documentation(unittest.TestCase):
                 exec(tour, examples[1])
             finally:
                 os.chdir(before)
-        self.assertIn("trusted", shown.getvalue())
+        self.assertIn("accept, probability", shown.getvalue())
         for pose in [*(names["found"].transform for names in examples if names), examples[1]["pose"]]:
             self.assertLess(np.linalg.norm(pose - matrix), 0.5)
         self.assertEqual(examples[1]["aligned"].shape, (700, 3))

@@ -94,7 +94,7 @@ class Tutorial(unittest.TestCase):
         with matplotlib.rc_context({"backend": "Agg"}), contextlib.redirect_stdout(told):
             exec(lines, names)
         self.shows_something("aligned.png")
-        [words] = re.findall(r"print\(found\) +# (consensus, .*), \.\.\.", readme)
+        [words] = re.findall(r"print\(found\) +# (accept, .*), \.\.\.", readme)
         self.assertIn(f"({words}, ", told.getvalue())
         with open(DATA / "pairs.csv") as file:
             pairs = csv.DictReader(line for line in file if not line.startswith("#"))
