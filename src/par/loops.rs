@@ -8,16 +8,15 @@ use super::interrupt::{Interrupt, checkpoint, enter};
 use super::worker_pool::in_worker;
 use crate::error::{Error, Result};
 
-/// Most threads that may be asked for.
+/// Maximum number of threads. Chosen by hand.
 pub const MAX_THREADS: usize = 1024;
 
-/// Runs `work` with its parallel loops on `threads` threads; 0 means as many as the
-/// machine has cores (or as the pool has in which the caller already is). Within a
-/// [`worker_pool`](super::worker_pool()) on the caller's alone, whatever `threads` says.
+/// Runs `work` with its parallel loops on `threads` threads; 0 means one per core (or all threads
+/// of the pool that the caller is in). Within a [`worker_pool`](super::worker_pool()) the loops run
+/// on the caller's thread alone, for any `threads`.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MAX_THREADS`], or when the system does not give that
-/// many.
+/// [`Error::Config`] for more than [`MAX_THREADS`], or when the system cannot create that many.
 ///
 /// ```
 /// let sum = cfreg::par::with_threads(2, || cfreg::par::map(4, || (), |_, i| i * i).iter().sum::<usize>())?;
@@ -40,7 +39,7 @@ pub fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) ->
     }))
 }
 
-/// Refuses a number of threads that no machine has.
+/// Refuses an excessive number of threads.
 ///
 /// # Errors
 /// [`Error::Config`] for more than [`MAX_THREADS`].
@@ -51,18 +50,19 @@ pub fn check_threads(threads: usize) -> Result<()> {
     Ok(())
 }
 
-/// Whether the caller is one of the threads that parallel loops run on. If it waits for
-/// other work, that should have threads of its own: those here may all be waiting so.
+/// Returns whether the caller is one of the threads that parallel loops run on. If the caller waits
+/// for other work, that work needs its own threads: all threads of the pool may be waiting the same
+/// way.
 pub fn in_pool() -> bool {
     rayon::current_thread_index().is_some()
 }
 
-/// Runs `work` with its parallel loops on one new thread, which has ended when this returns,
-/// so that nothing is left of what libraries keep for a thread: [`with_threads`] lets its
-/// threads end later. For measuring.
+/// Runs `work` with its parallel loops on one new thread, which has ended when this returns, so
+/// that no per-thread state of libraries remains: [`with_threads`] lets its threads end later. For
+/// measurements.
 ///
 /// # Errors
-/// [`Error::Config`] when the system gives no thread.
+/// [`Error::Config`] when the system cannot create a thread.
 pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     let refused = |error: &dyn std::fmt::Display| Error::config("threads", 1, error.to_string());
     let interrupt = Interrupt::current();
@@ -80,8 +80,8 @@ pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     })
 }
 
-/// `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, which it
-/// may find used.
+/// Computes `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, possibly
+/// used before.
 pub fn map<S, T: Send>(
     n: usize,
     scratch: impl Fn() -> S + Sync,
@@ -96,10 +96,10 @@ pub fn map<S, T: Send>(
     (0..n).into_par_iter().map_init(begin, step).collect()
 }
 
-/// `[f(a), f(b)]`, at the same time where there are threads: for the two clouds of a pair.
+/// Computes `[f(a), f(b)]`, in parallel if there are threads: for the two clouds of a pair.
 ///
 /// # Errors
-/// That of the first that fails.
+/// The error of the first call that fails.
 pub fn join_pair<A: Send, T: Send, E: Send>(
     [a, b]: [A; 2],
     f: impl Fn(A) -> Result<T, E> + Sync,
@@ -114,8 +114,8 @@ pub fn join_pair<A: Send, T: Send, E: Send>(
     Ok([a?, b?])
 }
 
-/// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a
-/// scratch value made by `scratch`, which it may find used.
+/// Computes `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a scratch
+/// value made by `scratch`, possibly used before.
 ///
 /// # Panics
 /// When `block` is 0.

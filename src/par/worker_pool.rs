@@ -1,4 +1,4 @@
-//! Many pieces of work beside each other, each of them on one thread.
+//! Many pieces of work in parallel, each of them on one thread.
 
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -9,26 +9,27 @@ use super::loops::check_threads;
 use crate::error::{Error, Result};
 
 thread_local! {
-    /// Whether this thread is of a crew.
+    /// Whether this thread belongs to a worker pool.
     static IS_WORKER: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether the caller is one of a [`worker_pool`], whose work stays on its thread.
+/// Returns whether the caller is a thread of a [`worker_pool`], whose work stays on its thread.
 pub fn in_worker() -> bool {
     IS_WORKER.get()
 }
 
-/// Calls `work` with each of `items`, in order, on `threads` threads beside the caller's (0: as
-/// many as there are cores); the parallel loops within a call stay on its thread, also those
-/// [`with_threads`](super::with_threads) of another number: so many run beside each other already.
+/// Calls `work` with each of `items`, in order, on `threads` threads in addition to the caller's
+/// (0: one per core). The parallel loops within a call stay on its thread, also loops
+/// [`with_threads`](super::with_threads) of another number, because the pool already uses the
+/// cores.
 ///
-/// The caller's thread gives `take` each result as it comes, in no fixed order, and `None` at
-/// least every `tick`. After a break no more items are begun; those begun are waited for, and
-/// their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
+/// The caller's thread passes each result to `take` when it is ready, in no fixed order, and `None`
+/// at least every `tick`. After a break no more items are started; items in progress are waited
+/// for, and their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system does
-/// not give that many.
+/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system cannot
+/// create that many.
 ///
 /// # Panics
 /// When `work` does.
@@ -58,7 +59,7 @@ pub fn worker_pool<I: Send, T: Send>(
     let items = Mutex::new(Some(items));
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).as_mut()?.next();
     let end = || *items.lock().unwrap_or_else(PoisonError::into_inner) = None;
-    // A few results may wait, so that nobody stands still while one is written.
+    // A few results may wait, so that no worker idles while one is written.
     let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
     let worker = |give: mpsc::SyncSender<Result<T, String>>| {
         IS_WORKER.set(true);
