@@ -31,9 +31,9 @@ pub struct FullConnection {
     pub(super) target: ConnectionSide,
 }
 
-/// Minimum automatic bandwidth, in variances of the descriptors.
+/// Minimum automatic bandwidth, in variances of the descriptors: below, rounding would decide.
 const MIN_BANDWIDTH_SHARE: f64 = 1e-3;
-/// Absolute minimum of the bandwidth, for descriptors that do not differ.
+/// Absolute minimum of the bandwidth, for descriptors that do not differ. Chosen by hand.
 const MIN_BANDWIDTH: f64 = 1e-12;
 
 impl FullConnection {
