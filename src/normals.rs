@@ -9,59 +9,59 @@ use crate::math::{self, Mat3, Vec3};
 use crate::par;
 use crate::search::Neighbors;
 
-/// Which of its two directions a normal takes. Descriptors depend on it, so both clouds
-/// of a pair must be oriented alike.
+/// Choice of the sign of a normal. Descriptors depend on it, so both clouds of a pair must be
+/// oriented the same way.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Orientation {
-    /// Towards the cloud's own viewpoint or, where its file names none, towards the
-    /// origin of its frame, as PCL does. For a cloud whose coordinates lie far from zero
-    /// that is [`PointCloud::frame_origin`], so that a map offset changes nothing.
+    /// Towards the cloud's own viewpoint or, if its file names none, towards the origin of its
+    /// frame, as in PCL. For a cloud with coordinates far from zero this is
+    /// [`PointCloud::frame_origin`], so that a map offset changes nothing.
     #[default]
     Viewpoint,
-    /// Towards a given place, in the cloud's frame.
+    /// Towards a given position, in the cloud's frame.
     Towards(Vec3),
-    /// Away from the cloud's centroid: for whole objects, where no viewpoint is known.
+    /// Away from the cloud's centroid: for whole objects without a known viewpoint.
     Outward,
-    /// The cloud's own normals as they are: nothing is estimated.
+    /// The cloud's own normals unchanged: nothing is estimated.
     Stored,
 }
 
-/// What oriented the normals in the end.
+/// The reference that oriented the normals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrientedBy {
-    /// The viewpoint that the cloud's file names.
+    /// The viewpoint named by the cloud's file.
     CloudViewpoint,
     /// The origin of the cloud's frame.
     FrameOrigin,
-    /// A viewpoint that was given.
+    /// A given viewpoint.
     GivenViewpoint,
-    /// The place that returns at the limit of the sensor's range lie about.
+    /// The centre of the returns at the limit of the sensor's range.
     RangeLimit,
-    /// A viewpoint that was guessed from the shape of the cloud.
+    /// A viewpoint estimated from the shape of the cloud.
     Guess,
     /// The cloud's centroid, from which they point away.
     Centroid,
-    /// They were in the cloud.
+    /// The normals stored in the cloud.
     Stored,
 }
 
 /// Normals of a cloud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Normals {
-    /// Unit vectors, one a point; zero where the neighbourhood has no plane (fewer than
-    /// three points, all on one line or in one place).
+    /// Unit vectors, one a point; zero if the neighbourhood has no plane (fewer than three points,
+    /// all on one line or at one position).
     pub vectors: Vec<[f32; 3]>,
-    /// λ₀/(λ₀ + λ₁ + λ₂) with the covariance's eigenvalues ascending, in [0, 1/3]: 0 on a
-    /// plane. Empty when the normals were stored.
+    /// λ₀/(λ₀ + λ₁ + λ₂) with the covariance's eigenvalues ascending, in [0, 1/3]: 0 on a plane.
+    /// Empty when the normals were stored.
     pub curvature: Vec<f32>,
-    /// What oriented them.
+    /// The reference that oriented them.
     pub oriented_by: OrientedBy,
 }
 
 impl Normals {
-    /// Whether point `i` has a normal.
+    /// Returns whether point `i` has a normal.
     ///
     /// # Panics
     /// When there is no such point.
@@ -69,14 +69,14 @@ impl Normals {
         self.vectors[i] != [0.0; 3]
     }
 
-    /// Points without a defined normal.
+    /// Counts the points without a defined normal.
     pub fn undefined_count(&self) -> usize {
         self.vectors.iter().filter(|normal| **normal == [0.0; 3]).count()
     }
 }
 
-/// Below this share of the largest eigenvalue the second one is rounding: the
-/// neighbourhood is a line. f32 coordinates leave 6e-8² ≈ 4e-15.
+/// Below this share of the largest eigenvalue the second one is rounding: the neighbourhood is a
+/// line. f32 coordinates leave 6e-8² ≈ 4e-15.
 const MIN_EIGENVALUE_RATIO: f64 = 1e-12;
 
 /// Estimates the normals of `cloud` from `neighbors`, one neighbourhood a point.
@@ -85,7 +85,7 @@ const MIN_EIGENVALUE_RATIO: f64 = 1e-12;
 /// covariance about its mean (Hoppe et al. 1992; PCL's `NormalEstimation`).
 ///
 /// # Errors
-/// [`Error::Shape`] when `neighbors` is of another cloud; [`Error::Config`] for
+/// [`Error::Shape`] when `neighbors` belongs to another cloud; [`Error::Config`] for
 /// [`Orientation::Stored`] on a cloud without normals or a viewpoint that is not finite.
 pub fn estimate(
     cloud: &PointCloud,
@@ -143,7 +143,8 @@ fn stored_normals(cloud: &PointCloud) -> Result<Normals> {
     Ok(Normals { vectors: normals.to_vec(), curvature: Vec::new(), oriented_by })
 }
 
-/// Sums run in as many lanes on every machine, so that its vectors do not change the result.
+/// Number of lanes of sums, the same on every machine, so that vector widths do not change the
+/// result.
 const LANES: usize = 8;
 
 /// The points of a neighbourhood, one array an axis, in whole lanes.
@@ -151,11 +152,11 @@ const LANES: usize = 8;
 struct Members([Vec<f64>; 3]);
 
 impl Members {
-    /// Covariance of a neighbourhood; zero where there are too few points for a plane.
+    /// Returns the covariance of a neighbourhood; zero if there are too few points for a plane.
     ///
     /// Sums run in the order of the neighbours and about the mean: points that have the same
-    /// neighbours then have the same normal to the last bit, which keeps the choice of a
-    /// pair's frame in FPFH from hanging on rounding.
+    /// neighbours then have the same normal to the last bit, so that the choice of a pair's frame
+    /// in FPFH does not depend on rounding.
     fn covariance(&mut self, points: &[[f32; 3]], neighbors: &[u32]) -> Mat3 {
         let count = neighbors.len();
         if count < 3 {
@@ -173,7 +174,7 @@ impl Members {
     }
 }
 
-/// Unoriented normal and curvature by each covariance; zero where it has no plane.
+/// Computes unoriented normal and curvature from each covariance; zero if there is no plane.
 struct Planes<'a>(&'a [Mat3; LANES]);
 
 impl WithSimd for Planes<'_> {

@@ -1,10 +1,11 @@
-//! Named numbers of points: intensity, colours, whatever a sensor told beside the place.
+//! Named scalars of points: intensity, colours and other values that a sensor measured beside the
+//! position.
 
 use rustc_hash::FxHashMap;
 
 use crate::error::{Error, Result};
 
-/// The whole numbers that a colour is stored with in files.
+/// Bit depth of the integers that files store for a colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColorDepth {
     /// 0 to 255.
@@ -14,7 +15,7 @@ pub enum ColorDepth {
 }
 
 impl ColorDepth {
-    /// The number that stands for 1.
+    /// The integer that represents 1.
     pub fn max(self) -> u16 {
         match self {
             ColorDepth::Eight => 255,
@@ -22,7 +23,7 @@ impl ColorDepth {
         }
     }
 
-    /// The whole number nearest to a value from 0 to 1; those beyond count as 0 or 1.
+    /// Returns the integer nearest to a value from 0 to 1; values beyond are clamped to 0 or 1.
     ///
     /// ```
     /// # use cfreg::ColorDepth;
@@ -33,21 +34,20 @@ impl ColorDepth {
     }
 }
 
-/// Scalars by name, one f32 a point each, all finite, in any unit; colours as `red`, `green`
-/// and `blue` in 0 to 1.
+/// Scalar channels by name, one f32 a point each, all finite, in any unit; colours are `red`,
+/// `green` and `blue` in 0 to 1.
 ///
-/// Names are compared without regard to case. A name is letters, digits, `_`, `-` and `.`, is
-/// no number, and none of those that files have for positions, normals and weights.
+/// Names are compared without regard to case. A name consists of letters, digits, `_`, `-` and `.`,
+/// is no number, and is none of the names that files use for positions, normals and weights.
 ///
-/// A channel may be noted to be a colour ([`with_color`](Self::with_color)): its values are used
-/// like any others, and files get whole numbers again. Selecting, moving and averaging points
-/// keeps the note.
+/// A channel may be marked as a colour ([`with_color`](Self::with_color)): its values are used like
+/// any others, and files get integers again. Selecting, moving and averaging points keeps the mark.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Channels {
     channels: Vec<NamedChannel>,
-    /// Where each is among them, by its name in lower case.
+    /// Index of each channel, by its name in lower case.
     indices: FxHashMap<String, usize>,
-    /// Names of those that a file had and that are left out, and the first row that is to blame.
+    /// Names of the channels of a file that are left out, and the first row that is the reason.
     left_out: Vec<(String, usize)>,
 }
 
@@ -59,14 +59,14 @@ struct NamedChannel {
 }
 
 impl Channels {
-    /// Those that may be colours.
+    /// Names of the channels that may be colours.
     pub(crate) const COLORS: [&str; 4] = ["red", "green", "blue", "alpha"];
 
-    /// Names that mean something else in files.
+    /// Names that have another meaning in files.
     pub(crate) const RESERVED_NAMES: [&str; 10] =
         ["x", "y", "z", "nx", "ny", "nz", "normal_x", "normal_y", "normal_z", "weight"];
 
-    /// Whether a channel may have this name.
+    /// Returns whether a channel may have this name.
     pub fn is_name(name: &str) -> bool {
         let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.');
         !name.is_empty()
@@ -75,10 +75,10 @@ impl Channels {
             && !Self::RESERVED_NAMES.iter().any(|taken| taken.eq_ignore_ascii_case(name))
     }
 
-    /// The same with one more channel, last.
+    /// Appends one more channel.
     ///
     /// # Errors
-    /// [`Error::Config`] for what is no name or is there already, [`Error::Shape`] unless it has
+    /// [`Error::Config`] for an invalid or duplicate name, [`Error::Shape`] unless the channel has
     /// as many values as the others, [`Error::NonFinite`] with the first NaN or infinity.
     ///
     /// ```
@@ -109,9 +109,8 @@ impl Channels {
         Ok(self)
     }
 
-    /// The same with one more channel, last, that is a colour or an opacity, `red`, `green`,
-    /// `blue` or `alpha`: values from 0 to 1 that PLY, PCD and text have as whole numbers, rounded
-    /// where they are means.
+    /// Appends one more channel that is a colour or an opacity, `red`, `green`, `blue` or `alpha`:
+    /// values from 0 to 1 that PLY, PCD and text store as integers, rounded where they are means.
     ///
     /// # Errors
     /// As [`with`](Self::with), and [`Error::Config`] for another name.
@@ -134,8 +133,8 @@ impl Channels {
         Ok(channels)
     }
 
-    /// The whole numbers that files have for a channel that is a colour; `None` for plain numbers,
-    /// and where there is no such channel.
+    /// Returns the bit depth of the integers that files store for a colour channel; `None` for
+    /// plain numbers and for a missing channel.
     pub fn color_depth(&self, name: &str) -> Option<ColorDepth> {
         self.find(name)?.color
     }
@@ -144,42 +143,42 @@ impl Channels {
         self.indices.get(&name.to_ascii_lowercase()).map(|&place| &self.channels[place])
     }
 
-    /// The same, with the name of a channel that is left out as its value in `row`, from 0, of a
-    /// file is no number that f32 holds.
+    /// Records that a channel is left out, because its value in `row`, from 0, of a file is no
+    /// number that f32 represents.
     pub(crate) fn without(mut self, name: &str, row: usize) -> Self {
         self.left_out.push((name.into(), row));
         self
     }
 
-    /// The first row, from 0, of the file that the cloud was read from, whose value in the column
-    /// of that name is NaN, infinite or none: the reason why there is no such channel.
+    /// Returns the first row, from 0, of the cloud's file whose value in the column of that name is
+    /// NaN, infinite or missing: the reason why the channel is left out.
     pub fn left_out(&self, name: &str) -> Option<usize> {
         let named = self.left_out.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
         named.map(|(_, row)| *row)
     }
 
-    /// The values of a channel, one a point.
+    /// Returns the values of a channel, one a point.
     pub fn get(&self, name: &str) -> Option<&[f32]> {
         self.find(name).map(|own| own.values.as_slice())
     }
 
-    /// Names and values, in order.
+    /// Returns names and values, in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (&str, &[f32])> {
         self.channels.iter().map(|own| (own.name.as_str(), own.values.as_slice()))
     }
 
-    /// The names, in order.
+    /// Returns the names, in order.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.channels.iter().map(|own| own.name.as_str())
     }
 
-    /// Whether there is no channel.
+    /// Returns whether there is no channel.
     pub fn is_empty(&self) -> bool {
         self.channels.is_empty()
     }
 
-    /// Every channel with other values, made of its own, as many of each. Not finite is not
-    /// possible: values are means or parts of what was.
+    /// Replaces the values of every channel by values computed from them, as many for each channel.
+    /// They are finite: means or selections of finite values.
     pub(crate) fn map(&self, values: impl Fn(&[f32]) -> Vec<f32>) -> Channels {
         let other = |own: &NamedChannel| NamedChannel {
             name: own.name.clone(),
@@ -193,7 +192,7 @@ impl Channels {
         }
     }
 
-    /// Refuses channels that have not one value for each of `points`.
+    /// Refuses channels that do not have one value for each of `points`.
     pub(super) fn check(&self, points: usize) -> Result<()> {
         match self.channels.first().filter(|own| own.values.len() != points) {
             None => Ok(()),

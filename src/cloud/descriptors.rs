@@ -1,11 +1,11 @@
-//! One row of numbers per point: what the full connection compares.
+//! One row of numbers per point, which the full connection compares.
 
 use crate::error::{Error, Result};
 
 /// N descriptors of dimension D, row-major f32: row `i` belongs to point `i`.
 ///
-/// FPFH gives 33 bins a row; any other embedding (learned features, colours,
-/// positions) works the same, the weights only see distances between rows.
+/// FPFH gives 33 bins a row. Any other embedding (learned features, colours, positions) works the
+/// same: the weights depend on distances between rows only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Descriptors {
     dim: usize,
@@ -13,7 +13,7 @@ pub struct Descriptors {
 }
 
 impl Descriptors {
-    /// Rows of length `dim`, one after the other in `data`.
+    /// Creates descriptors from rows of length `dim`, one after the other in `data`.
     ///
     /// # Errors
     /// [`Error::Shape`] when `dim` is 0 or does not divide `data.len()`,
@@ -38,13 +38,12 @@ impl Descriptors {
         }
     }
 
-    /// Both sides of a connection from rows of length `dim` in f64, about their common mean:
-    /// distances are the same, and rows far from zero keep the digits in which they differ.
+    /// Creates both sides of a connection from rows of length `dim` in f64, about their common
+    /// mean: distances stay the same, and rows far from zero keep the digits in which they differ.
     ///
     /// # Errors
-    /// [`Error::Shape`] as of [`new`](Self::new), [`Error::NonFinite`] with the row of the
-    /// first NaN or infinity, [`Error::Config`] for a value beyond ±1e18, whose square f32
-    /// cannot hold.
+    /// [`Error::Shape`] as for [`new`](Self::new), [`Error::NonFinite`] with the row of the first
+    /// NaN or infinity, [`Error::Config`] for a value beyond ±1e18, whose square exceeds f32.
     ///
     /// ```
     /// let (source, target) = ([1e9, 1e9 + 1.0], [1e9 + 3.0]);
@@ -74,22 +73,22 @@ impl Descriptors {
         Ok([side(source)?, side(target)?])
     }
 
-    /// Number of rows N.
+    /// Returns the number of rows N.
     pub fn len(&self) -> usize {
         self.data.len() / self.dim
     }
 
-    /// Whether there is no row.
+    /// Returns whether there is no row.
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
     }
 
-    /// Values a row, D.
+    /// Returns the number of values a row, D.
     pub fn dim(&self) -> usize {
         self.dim
     }
 
-    /// Row `i`, of length D.
+    /// Returns row `i`, of length D.
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
@@ -97,27 +96,27 @@ impl Descriptors {
         &self.data[i * self.dim..(i + 1) * self.dim]
     }
 
-    /// All rows in order.
+    /// Returns all rows in order.
     pub fn rows(&self) -> std::slice::ChunksExact<'_, f32> {
         self.data.chunks_exact(self.dim)
     }
 
-    /// The values, row after row.
+    /// Returns the values, row after row.
     pub fn as_slice(&self) -> &[f32] {
         &self.data
     }
 
-    /// The same without a copy.
+    /// Returns the values, row after row, without a copy.
     pub fn into_values(self) -> Vec<f32> {
         self.data
     }
 
-    /// Rows of several tables beside each other, all divided by the square root of their
-    /// number: squared distances are then the mean of those of the tables, and a bandwidth
-    /// keeps its meaning. One table stays as it is.
+    /// Concatenates the rows of several tables, all divided by the square root of the number of
+    /// tables: squared distances are then the mean over the tables, and a bandwidth keeps its
+    /// meaning. A single table is unchanged.
     ///
     /// # Errors
-    /// [`Error::Shape`] for no table, or one that has not as many rows as the first.
+    /// [`Error::Shape`] for no table, or a table with another number of rows than the first.
     pub fn concatenate(tables: &[Descriptors]) -> Result<Descriptors> {
         let dim = tables.iter().map(Descriptors::dim).sum();
         let expected = tables.first().map_or(0, Descriptors::len);
@@ -131,7 +130,7 @@ impl Descriptors {
         Descriptors::new(dim, (0..expected).flat_map(row).collect())
     }
 
-    /// The rows named by `indices`, in that order.
+    /// Returns the rows at `indices`, in that order.
     ///
     /// # Panics
     /// When an index is not below [`len`](Self::len).

@@ -1,4 +1,4 @@
-//! [`Mesh`]: a surface as triangles, and points drawn evenly from it.
+//! [`Mesh`]: a triangle surface, and points sampled uniformly from it.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,23 +7,23 @@ use super::PointCloud;
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// Most points that are sampled: 2 GB of them.
+/// Maximum number of sampled points: they take 2 GB.
 pub const MAX_SAMPLED_POINTS: usize = 50_000_000;
 
 /// A triangle mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
-    /// Corners, in any unit.
+    /// Vertices, in any unit.
     pub vertices: Vec<Vec3>,
     /// Triangles as indices into `vertices`.
     pub faces: Vec<[u32; 3]>,
 }
 
 impl Mesh {
-    /// Centroid of the surface: the mean of its points by area. NaN without area.
+    /// Returns the centroid of the surface: the mean of its points by area. NaN without area.
     ///
     /// # Panics
-    /// When a face names a vertex that is not there.
+    /// When a face refers to a missing vertex.
     pub fn centroid(&self) -> Vec3 {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for face in &self.faces {
@@ -35,8 +35,8 @@ impl Mesh {
         math::scaled(sum, 1.0 / total)
     }
 
-    /// The mesh without triangles that have an edge longer than `limit`: in the surface of a
-    /// range grid these span a step of depth and were never seen.
+    /// Removes the triangles that have an edge longer than `limit`: in the surface of a range grid
+    /// these span a depth step and were never seen.
     pub fn without_long_edges(mut self, limit: f64) -> Mesh {
         let vertices = &self.vertices;
         let length =
@@ -47,12 +47,12 @@ impl Mesh {
         self
     }
 
-    /// `count` points drawn evenly by area, independently of each other. The same `seed`
-    /// draws the same points on every machine.
+    /// Samples `count` points uniformly by area, independently of each other. The same `seed` gives
+    /// the same points on every machine.
     ///
     /// # Errors
-    /// [`Error::Config`] for more than [`MAX_SAMPLED_POINTS`]; [`Error::Shape`] when a face names a
-    /// vertex that is not there; [`Error::TooFewPoints`] when the faces have no area.
+    /// [`Error::Config`] for more than [`MAX_SAMPLED_POINTS`]; [`Error::Shape`] when a face refers
+    /// to a missing vertex; [`Error::TooFewPoints`] when the faces have no area.
     pub fn sample(&self, count: usize, seed: u64) -> Result<PointCloud> {
         if count > MAX_SAMPLED_POINTS {
             let rule = format!("must be at most {MAX_SAMPLED_POINTS}");
@@ -76,7 +76,7 @@ impl Mesh {
                 let at = rng.random::<f64>() * total;
                 let face = ends.partition_point(|&end| end <= at).min(self.faces.len() - 1);
                 let [a, b, c] = corners(&self.faces[face]);
-                // Even over the triangle (Osada et al. 2002, eq. 1).
+                // Uniform over the triangle (Osada et al. 2002, eq. 1).
                 let (u, v) = (rng.random::<f64>().sqrt(), rng.random::<f64>());
                 let [wa, wb, wc] = [1.0 - u, u * (1.0 - v), u * v];
                 [0, 1, 2].map(|k| wa * a[k] + wb * b[k] + wc * c[k])
@@ -85,7 +85,8 @@ impl Mesh {
         PointCloud::new(&points)
     }
 
-    /// That faces name vertices that are there, these are finite, and there is area.
+    /// Checks that faces refer to existing vertices, that these are finite, and that the area is
+    /// positive.
     pub(super) fn validate(&self) -> Result<()> {
         self.check_faces()?;
         let infinite = |&v: &u32| self.vertices[v as usize].iter().any(|x| !x.is_finite());
@@ -96,7 +97,7 @@ impl Mesh {
         self.check_area(self.faces.iter().map(|face| self.face_area(face)).sum())
     }
 
-    /// That faces name vertices that are there.
+    /// Checks that faces refer to existing vertices.
     pub(super) fn check_faces(&self) -> Result<()> {
         let expected = self.vertices.len();
         match self.faces.as_flattened().iter().find(|&&v| v as usize >= expected) {
@@ -116,7 +117,7 @@ impl Mesh {
         Err(Error::TooFewPoints { what, found: self.faces.len(), needed: 1 })
     }
 
-    /// Area of a face whose vertices are there.
+    /// Returns the area of a face whose vertices exist.
     pub(super) fn face_area(&self, face: &[u32; 3]) -> f64 {
         triangle_area(face.map(|v| self.vertices[v as usize]))
     }

@@ -1,5 +1,5 @@
-//! Data types that everything shares: [`PointCloud`] with its [`Channels`], [`Mesh`],
-//! [`Transform`], [`Descriptors`].
+//! Shared data types: [`PointCloud`] with its [`Channels`], [`Mesh`], [`Transform`],
+//! [`Descriptors`].
 
 mod channels;
 mod descriptors;

@@ -1,10 +1,10 @@
-//! Shapes that need no file.
+//! Shapes without a file.
 
 use crate::cloud::Mesh;
 use crate::math::{self, Vec3};
 
-/// A closed surface without any symmetry, about 2 units across: a ball with smooth bumps
-/// and dents of different sizes. Centred near zero.
+/// Creates a closed surface without any symmetry, about 2 units across: a ball with smooth bumps
+/// and dents of different sizes, centred near zero.
 pub fn boulder() -> Mesh {
     /// Direction, height, sharpness.
     const BUMPS: [(Vec3, f64, f64); 9] = [

@@ -21,18 +21,17 @@ pub struct Transform {
 }
 
 impl Transform {
-    /// Maps every point to itself.
+    /// The identity: maps every point to itself.
     pub const IDENTITY: Transform =
         Transform { rotation: IDENTITY, translation: [0.0; 3], scale: 1.0 };
 
-    /// A rigid motion.
+    /// Creates a rigid motion.
     pub fn rigid(rotation: Mat3, translation: Vec3) -> Self {
         Transform { rotation, translation, scale: 1.0 }
     }
 
-    /// Rotation by the length of `vector` (radians) about its direction
-    /// (Rodrigues), no translation. This is the "rotation vector" of the paper's
-    /// section IV.
+    /// Creates a rotation by the length of `vector` (radians) about its direction (Rodrigues),
+    /// without translation. The vector is the "rotation vector" of the paper's section IV.
     ///
     /// ```
     /// let quarter = cfreg::Transform::from_rotation_vector([0.0, 0.0, std::f64::consts::FRAC_PI_2]);
@@ -51,7 +50,7 @@ impl Transform {
         Transform::rigid(rotation, [0.0; 3])
     }
 
-    /// Homogeneous 4×4 matrix, row-major.
+    /// Returns the homogeneous 4×4 matrix, row-major.
     pub fn matrix(&self) -> [[f64; 4]; 4] {
         let row = |i: usize| {
             let r = math::scaled(self.rotation[i], self.scale);
@@ -63,9 +62,9 @@ impl Transform {
     /// Reads a homogeneous 4×4 matrix whose upper left is `s R`.
     ///
     /// # Errors
-    /// [`Error::Config`] when it is not finite, its last row is not `0 0 0 1`, or
-    /// `s R` is not a positive multiple of a rotation to 1e-3 (matrices printed with
-    /// few digits pass and are not altered).
+    /// [`Error::Config`] when the matrix is not finite, its last row is not `0 0 0 1`, or `s R` is
+    /// not a positive multiple of a rotation to 1e-3 (matrices printed with few digits pass and are
+    /// not altered).
     pub fn from_matrix(matrix: [[f64; 4]; 4]) -> Result<Self> {
         let bad = |rule: &str| Error::config("transform", format!("{matrix:?}"), rule);
         if matrix.as_flattened().iter().any(|value| !value.is_finite()) {
@@ -79,7 +78,7 @@ impl Transform {
         if determinant <= 0.0 {
             return Err(bad("the upper left 3x3 must have a positive determinant"));
         }
-        // A rotation given as such keeps its digits: dividing by 1 ± 1e-16 would not.
+        // A valid rotation keeps its digits: dividing by 1 ± 1e-16 would change them.
         let scale = determinant.cbrt();
         let scale = if (scale - 1.0).abs() < 1e-6 { 1.0 } else { scale };
         let rotation = linear.map(|row| math::scaled(row, 1.0 / scale));
@@ -103,7 +102,7 @@ impl Transform {
         math::mat_vec(&self.rotation, direction)
     }
 
-    /// First `first`, then `self`.
+    /// Composes two transforms: first `first`, then `self`.
     pub fn after(&self, first: &Transform) -> Transform {
         Transform {
             rotation: math::mat_mul(&self.rotation, &first.rotation),
@@ -112,7 +111,7 @@ impl Transform {
         }
     }
 
-    /// The way back: target into source.
+    /// Returns the inverse: target into source.
     pub fn inverse(&self) -> Transform {
         let rotation = math::transpose(&self.rotation);
         let scale = 1.0 / self.scale;
@@ -120,9 +119,9 @@ impl Transform {
         Transform { rotation, translation, scale }
     }
 
-    /// Angle of the rotation, radians in [0, π].
+    /// Returns the angle of the rotation, radians in [0, π].
     ///
-    /// From both sine and cosine, so that it keeps its digits near 0 and π.
+    /// Uses both sine and cosine, so that the angle keeps its digits near 0 and π.
     pub fn angle(&self) -> f64 {
         let r = &self.rotation;
         let sin = math::norm([r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]]) / 2.0;
@@ -130,10 +129,11 @@ impl Transform {
         sin.atan2(cos)
     }
 
-    /// The rotation vector of the rotation: axis times [`angle`](Self::angle), radians; undoes
-    /// [`from_rotation_vector`](Self::from_rotation_vector) up to length π.
+    /// Returns the rotation vector of the rotation: axis times [`angle`](Self::angle), radians; the
+    /// inverse of [`from_rotation_vector`](Self::from_rotation_vector) up to length π.
     ///
-    /// By the unit quaternion, from the row of its products that is largest (Shepperd 1978).
+    /// Computed by the unit quaternion, from the row of its products that is largest (Shepperd
+    /// 1978).
     pub fn rotation_vector(&self) -> Vec3 {
         let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = self.rotation;
         let products = [
@@ -214,7 +214,7 @@ mod tests {
         nan[0][3] = f64::NAN;
         let mut projective = Transform::IDENTITY.matrix();
         projective[3][0] = 0.1;
-        // Its determinant is inf - inf.
+        // The determinant of this matrix is inf - inf.
         let huge = [
             [0.9, 1.2, -2.0, 1.5],
             [-2.0, 1e308, 0.0, -2.0],

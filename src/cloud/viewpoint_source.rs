@@ -1,4 +1,4 @@
-//! What is known of where sensors stood.
+//! Source of the sensors' viewpoints.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,28 +8,28 @@ use serde::{Deserialize, Serialize};
 use super::{Parts, PointCloud};
 use crate::error::{Error, Result};
 
-/// What is known of where the sensors stood.
+/// Source of the sensors' viewpoints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewpointSource {
-    /// What the files say.
+    /// The viewpoints that the files name.
     #[default]
     File,
-    /// At the zero of each file's frame, where it says nothing.
+    /// The zero of each file's frame, where the file names no viewpoint.
     Origin,
-    /// Nothing, whatever the files say.
+    /// No viewpoint, even where the files name one.
     None,
 }
 
 impl ViewpointSource {
-    /// All of them.
+    /// All sources.
     pub const ALL: [ViewpointSource; 3] =
         [ViewpointSource::File, ViewpointSource::Origin, ViewpointSource::None];
 
-    /// The cloud with what is known.
+    /// Sets the viewpoint of a cloud accordingly.
     ///
     /// # Errors
-    /// None for a cloud that is one: the zero is a place, and its points are finite.
+    /// None for a valid cloud: the zero is a finite position, and the cloud's points are finite.
     pub fn apply(self, cloud: PointCloud) -> Result<PointCloud> {
         match self {
             ViewpointSource::File => Ok(cloud),
@@ -93,7 +93,7 @@ mod tests {
     fn names_come_back() {
         for known in ViewpointSource::ALL {
             assert_eq!(known.to_string().parse::<ViewpointSource>().unwrap(), known);
-            // As the settings in the first line of kept rows have them.
+            // The same spelling as in the settings on the first line of saved rows.
             assert_eq!(serde_json::to_value(known).unwrap(), known.to_string());
         }
         assert!("sensor".parse::<ViewpointSource>().unwrap_err().to_string().contains("origin"));

@@ -4,28 +4,28 @@ use super::Mesh;
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// Cosine of the most oblique incidence that is still seen, 80°: beyond it triangulating
-/// sensors get too little light back, and a sample's footprint is six times as long as wide.
+/// Cosine of the most oblique incidence that is still seen, 80°: beyond, triangulating sensors get
+/// too little light back, and a sample's footprint is six times as long as wide.
 const MIN_INCIDENCE_COSINE: f64 = 0.173_648_177_666_930_33;
-/// Tangent of the widest angle from the line of sight, 75°: wider, a plane holds no picture.
+/// Tangent of the largest angle from the line of sight, 75°: a plane image cannot hold wider views.
 const MAX_VIEW_TANGENT: f64 = 3.732_050_807_568_877;
-/// Pixels a side of the smallest and of the largest picture.
+/// Pixels a side of the smallest and of the largest image. Chosen by hand.
 const IMAGE_SIZE_RANGE: (f64, f64) = (256.0, 4096.0);
 
 impl Mesh {
-    /// Which faces a range sensor at `viewpoint` sees, one entry a face: those that turn
-    /// their front to it (corners anticlockwise), by no more than 80° away, with nothing of
-    /// the mesh before them. A face is seen or not as a whole, by its middle.
+    /// Returns which faces a range sensor at `viewpoint` sees, one entry a face. A face is visible
+    /// if its front (vertices anticlockwise) is turned to the sensor, at most 80° off, and nothing
+    /// of the mesh hides it. A face is seen or not as a whole, by its centre.
     ///
-    /// Told by a depth buffer (Catmull 1974) of about four pixels a face, seen towards the
-    /// centroid. What hides a face must be before it by more than the depth a surface of its
-    /// slope has within a pixel.
+    /// Uses a depth buffer (Catmull 1974) of about four pixels a face, looking towards the
+    /// centroid. A face is hidden by a surface in front of it that is nearer by more than the depth
+    /// range of a surface of its slope within a pixel.
     ///
     /// # Errors
-    /// [`Error::Config`] for a viewpoint that is not finite, or so near that part of the mesh
-    /// is more than 75° beside the line to the centroid; [`Error::Shape`] when a face names a
-    /// vertex that is not there; [`Error::NonFinite`] for such a vertex;
-    /// [`Error::TooFewPoints`] when the faces have no area.
+    /// [`Error::Config`] for a viewpoint that is not finite, or so near that part of the mesh is
+    /// more than 75° off the line to the centroid; [`Error::Shape`] when a face refers to a missing
+    /// vertex; [`Error::NonFinite`] for a non-finite vertex; [`Error::TooFewPoints`] when the faces
+    /// have no area.
     pub fn visible_faces(&self, viewpoint: Vec3) -> Result<Vec<bool>> {
         self.validate()?;
         let (picture, corners) = PerspectiveView::facing_centroid(self, viewpoint)?;
@@ -50,11 +50,11 @@ impl Mesh {
         Ok(self.faces.iter().map(seen).collect())
     }
 
-    /// Area of the faces that are marked, in square units.
+    /// Returns the area of the marked faces, in square units.
     ///
     /// # Errors
-    /// [`Error::Shape`] for other than one mark a face, or a face that names a vertex that
-    /// is not there.
+    /// [`Error::Shape`] unless there is one mark a face, and for a face that refers to a missing
+    /// vertex.
     pub fn area_of(&self, faces: &[bool]) -> Result<f64> {
         self.check_marks(faces)?;
         self.check_faces()?;
@@ -62,10 +62,10 @@ impl Mesh {
         Ok(marked.map(|(face, _)| self.face_area(face)).sum())
     }
 
-    /// The faces that are marked, of the same vertices.
+    /// Returns the marked faces, with the same vertices.
     ///
     /// # Errors
-    /// [`Error::Shape`] for other than one mark a face.
+    /// [`Error::Shape`] unless there is one mark a face.
     pub fn select_faces(&self, faces: &[bool]) -> Result<Mesh> {
         self.check_marks(faces)?;
         let marked = self.faces.iter().zip(faces).filter(|&(_, &marked)| marked);
@@ -82,21 +82,21 @@ impl Mesh {
     }
 }
 
-/// A perspective picture of a mesh.
+/// A perspective view of a mesh.
 struct PerspectiveView {
     viewpoint: Vec3,
-    /// Right, up and ahead.
+    /// Directions right, up and ahead.
     axes: [Vec3; 3],
-    /// Corner of the first pixel, on the plane at depth 1.
+    /// Corner of the first pixel, in the plane at depth 1.
     low: [f64; 2],
-    /// Pixels a unit of that plane.
+    /// Pixels per unit of that plane.
     per_unit: f64,
     width: usize,
     height: usize,
 }
 
 impl PerspectiveView {
-    /// The picture that holds all of `mesh`, and its vertices in it.
+    /// Creates the view that contains all of `mesh`, and projects the vertices into it.
     fn facing_centroid(mesh: &Mesh, viewpoint: Vec3) -> Result<(Self, Vec<Vec3>)> {
         let refused = |rule: &str| {
             let value = format!("{viewpoint:?}");
@@ -106,7 +106,7 @@ impl PerspectiveView {
             return refused("every coordinate must be finite");
         }
         let ahead = math::normalized(math::sub(mesh.centroid(), viewpoint));
-        // Perpendicular to the axis that it is farthest from.
+        // Perpendicular to the coordinate axis that has the largest angle to it.
         let least = (0..3).min_by(|&a, &b| ahead[a].abs().total_cmp(&ahead[b].abs()));
         let mut axis = [0.0; 3];
         axis[least.unwrap_or(0)] = 1.0;
@@ -123,7 +123,7 @@ impl PerspectiveView {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for &vertex in mesh.faces.as_flattened() {
             let [x, y, depth] = corners[vertex as usize];
-            // Also what is no number: from the centroid itself there is no line of sight.
+            // Rejects NaN, too: from the centroid itself there is no line of sight.
             if !(depth > 0.0 && x * x + y * y <= MAX_VIEW_TANGENT * MAX_VIEW_TANGENT) {
                 return refused("must have all of the mesh within 75° of the line to its centroid");
             }
@@ -144,7 +144,7 @@ impl PerspectiveView {
         Ok((picture, corners))
     }
 
-    /// Place in the picture, in pixels from its corner, and depth.
+    /// Returns the position in the image, in pixels from its corner, and the depth.
     #[inline]
     fn project(&self, point: Vec3) -> Vec3 {
         let from = math::sub(point, self.viewpoint);
@@ -154,14 +154,14 @@ impl PerspectiveView {
         [place(x, self.low[0]), place(y, self.low[1]), depth]
     }
 
-    /// Index of the pixel in that column and row, or of the nearest.
+    /// Returns the index of the pixel in that column and row, or of the nearest.
     #[inline]
     fn at(&self, column: usize, row: usize) -> usize {
         row.min(self.height - 1) * self.width + column.min(self.width - 1)
     }
 
-    /// One over the depth of the nearest surface at the middle of every pixel; 0 for none.
-    /// `corners` are the vertices in the picture.
+    /// Returns the inverse depth of the nearest surface at the centre of every pixel; 0 for none.
+    /// `corners` are the projected vertices.
     fn depth_buffer(&self, faces: &[[u32; 3]], corners: &[Vec3]) -> Vec<f64> {
         let mut nearest = vec![0.0; self.width * self.height];
         for face in faces {
@@ -170,7 +170,7 @@ impl PerspectiveView {
         nearest
     }
 
-    /// Enters a triangle row by row. One over depth is linear over the picture.
+    /// Rasterises a triangle row by row. The inverse depth is linear in the image.
     fn fill(&self, [a, b, c]: [Vec3; 3], nearest: &mut [f64]) {
         let twice = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         if twice == 0.0 || !twice.is_finite() {
@@ -183,7 +183,7 @@ impl PerspectiveView {
             let (low, high) = if from[1] <= to[1] { (from, to) } else { (to, from) };
             (low, high[1], (high[0] - low[0]) / (high[1] - low[1]))
         });
-        // Rows and columns whose middles, at whole numbers and a half, lie within.
+        // Rows and columns whose centres, at whole numbers and a half, are inside.
         let whole = |at: f64, all: usize| ((at + 0.5) as usize).min(all);
         let (low, high) = (a[1].min(b[1]).min(c[1]), a[1].max(b[1]).max(c[1]));
         for row in whole(low, self.height)..whole(high, self.height) {
@@ -209,7 +209,7 @@ impl PerspectiveView {
 mod tests {
     use super::*;
 
-    /// A ball of `radius` about zero.
+    /// Creates a ball of `radius` about zero.
     fn ball(radius: f64) -> Mesh {
         let (rings, sectors) = (100u32, 200u32);
         let mut vertices = Vec::new();
@@ -231,7 +231,7 @@ mod tests {
         Mesh { vertices, faces }
     }
 
-    /// A square in the plane `z`, of `cells` a side, that turns its front to +z.
+    /// Creates a square in the plane `z`, of `cells` a side, whose front faces +z.
     fn square(half: f64, z: f64, cells: u32) -> Mesh {
         let at = |i: u32| half * (2.0 * f64::from(i) / f64::from(cells) - 1.0);
         let grid = |n: u32| (0..n).flat_map(move |y| (0..n).map(move |x| (x, y)));
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn of_a_ball_the_cap_is_seen_that_geometry_says() {
-        // Incidence i is at the polar angle i − asin(sin i / distance); at 80° it ends.
+        // Incidence i is at the polar angle i − asin(sin i / distance); visibility ends at 80°.
         let limit = MIN_INCIDENCE_COSINE.acos();
         for (distance, places) in
             [(1.3, [0.3, -0.5, 0.81]), (4.0, [1.0, 0.0, 0.0]), (500.0, [0.0, 0.2, -1.0])]

@@ -1,4 +1,4 @@
-//! Rows that share a place: marks of measurements that returned nothing, and repeated points.
+//! Rows at the same position: marks of measurements without a return, and repeated points.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::Serialize;
@@ -7,41 +7,41 @@ use crate::cloud::{Attributes, PointCloud};
 use crate::error::Result;
 use crate::math::{self, Vec3};
 
-/// A place at which a file marks measurements that returned nothing.
+/// A position at which a file marks measurements without a return.
 ///
-/// Drivers of depth cameras and LiDARs write a row for every pixel or pulse, and one fixed place,
-/// mostly (0, 0, 0), for those without a return.
+/// Drivers of depth cameras and LiDARs write a row for every pixel or pulse, and one fixed
+/// position, mostly (0, 0, 0), for those without a return.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct NoReturns {
-    /// The place, in the cloud's own frame.
+    /// The position, in the cloud's own frame.
     pub place: Vec3,
-    /// How many rows are exactly there.
+    /// Number of rows at exactly this position.
     pub rows: usize,
 }
 
-/// Fewest rows at one place that are taken for missing returns. Chosen by hand: a place that is
-/// written fewer times is one point to every later step anyway.
+/// Minimum number of rows at one position to count as missing returns. Chosen by hand: a position
+/// with fewer rows is one point to every later step anyway.
 const MIN_ROWS: usize = 20;
-/// How many times the usual number of rows a place must have. Chosen by hand: vertices that
+/// Minimum ratio of a position's rows to the usual number of rows. Chosen by hand: vertices that
 /// faces do not share are written 6 times, the tip of a fan of triangles up to 64 times, and
 /// coordinates of few decimals repeat up to 30 times where 5 is usual.
 const MIN_NO_RETURN_RATIO: usize = 20;
-/// Share of rows that repeat another from which on places are counted instead of rows. Chosen by
+/// Share of rows that repeat another from which on positions are counted instead of rows. Chosen by
 /// hand: below it no median over the points of a cloud moves by more than a tenth of its rank.
 const MIN_DUPLICATE_SHARE: f64 = 0.1;
-/// Places are counted exactly in some of so many parts of the cloud, by a hash of the place.
+/// Number of buckets of positions, by hash; positions are counted exactly in some buckets.
 const BUCKETS: usize = 1 << 16;
-/// Parts in which it is told how often places are written, where so many have rows.
+/// Number of buckets in which rows per position are counted, if so many have rows. Chosen by hand.
 const SAMPLE: usize = 1024;
 
-/// The bits of a place; both zeros are one.
+/// The bits of a position; both zeros are equal.
 type PointBits = [u32; 3];
 
 fn point_bits(point: &[f32; 3]) -> PointBits {
     point.map(|x| (x + 0.0).to_bits())
 }
 
-/// The part that a place belongs to: all of its rows are in one.
+/// Returns the bucket of a position: all rows of a position are in one bucket.
 fn bucket([x, y, z]: PointBits) -> usize {
     let mixed = [x, y, z].into_iter().fold(1u64, |hash, bits| {
         (hash.rotate_left(23) ^ u64::from(bits)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -49,15 +49,15 @@ fn bucket([x, y, z]: PointBits) -> usize {
     (mixed >> 48) as usize
 }
 
-/// How many rows each part has.
+/// Counts the rows of each bucket.
 fn rows_per_bucket(points: &[[f32; 3]]) -> Vec<u32> {
     let mut rows = vec![0; BUCKETS];
     points.iter().for_each(|point| rows[bucket(point_bits(point))] += 1);
     rows
 }
 
-/// For each of a thousand places or more, or for all, how many rows it has: the same places
-/// wherever their rows stand in the file.
+/// Counts the rows of each of a thousand positions or more, or of all positions. The order of the
+/// rows in the file does not change the selection.
 fn sample_row_counts(points: &[[f32; 3]], rows: &[u32]) -> Vec<usize> {
     let mut left = SAMPLE;
     let take = |&rows: &u32| {
@@ -72,15 +72,15 @@ fn sample_row_counts(points: &[[f32; 3]], rows: &[u32]) -> Vec<usize> {
     places.into_values().collect()
 }
 
-/// How many places points have.
+/// Counts the distinct positions of points.
 pub(super) fn count_distinct<'a>(points: impl Iterator<Item = &'a [f32; 3]>) -> usize {
     points.map(point_bits).collect::<FxHashSet<PointBits>>().len()
 }
 
-/// The places at which rows of `cloud` mark measurements that returned nothing, in the order of
-/// their first rows: at least 20 rows are exactly there, and 20 times as many as are usual for a
-/// place of this cloud (in a cloud of millions, one more for every 30,000 points). Empty where
-/// fewer than three other rows would be left.
+/// Finds the positions at which rows of `cloud` mark measurements without a return, in the order of
+/// their first rows. Such a position has at least 20 rows, and 20 times as many as is usual for a
+/// position of this cloud (in a cloud of millions, one more for every 30,000 points). Empty if
+/// fewer than three other rows would remain.
 pub fn find_no_returns(cloud: &PointCloud) -> Vec<NoReturns> {
     let points = cloud.points();
     let rows = rows_per_bucket(points);
@@ -110,8 +110,8 @@ pub fn find_no_returns(cloud: &PointCloud) -> Vec<NoReturns> {
     found.into_iter().map(place).collect()
 }
 
-/// `cloud` without the rows that mark [missing returns](find_no_returns), which it counts
-/// ([`PointCloud::no_returns`]); as it is where there are none.
+/// Removes the rows that mark [missing returns](find_no_returns), and counts them
+/// ([`PointCloud::no_returns`]); unchanged if there are none.
 pub fn remove_no_returns(cloud: PointCloud) -> PointCloud {
     match select_returns(&cloud) {
         Some(rest) => rest,
@@ -119,24 +119,25 @@ pub fn remove_no_returns(cloud: PointCloud) -> PointCloud {
     }
 }
 
-/// The same; `None` where there is nothing to leave out.
+/// Removes the rows that mark missing returns; `None` if there are none.
 pub(crate) fn select_returns(cloud: &PointCloud) -> Option<PointCloud> {
     let found = find_no_returns(cloud);
     if found.is_empty() {
         return None;
     }
-    // The place of a row that was found, to the last bit.
+    // The position of a detected row, to the last bit.
     let marks: Vec<Vec3> = found.iter().map(|mark| mark.place).collect();
     let rest: Vec<usize> =
         (0..cloud.len()).filter(|&i| !marks.contains(&cloud.position(i))).collect();
     Some(cloud.select(&rest).with_no_returns(cloud.len() - rest.len()))
 }
 
-/// `cloud` with one point a place, in the order of the first rows: normals and channels are
-/// means, weights add up. `None` where fewer than a tenth of the rows repeat a place: it is then
-/// good as it is.
+/// Keeps one point a position, in the order of the first rows: normals and channels are means,
+/// weights add up. `None` if fewer than a tenth of the rows repeat a position, because no change is
+/// needed.
 ///
-/// Meshes whose faces do not share vertices and clouds of few decimals say every place several
+/// Meshes whose faces do not share vertices and clouds of few decimals contain every position
+/// several times; neighbourhoods of a fixed number of points would then contain few positions.
 /// times; neighbourhoods of so many points would then hold a few places.
 pub(crate) fn merge_duplicate_points(cloud: &PointCloud) -> Result<Option<PointCloud>> {
     let points = cloud.points();
@@ -158,7 +159,7 @@ pub(crate) fn merge_duplicate_points(cloud: &PointCloud) -> Result<Option<PointC
     merge_rows(cloud, &members).map(Some)
 }
 
-/// One point for each of `members`, at the place of the first.
+/// Merges the rows of each of `members` into one point, at the position of the first.
 fn merge_rows(cloud: &PointCloud, members: &[Vec<usize>]) -> Result<PointCloud> {
     let places: Vec<Vec3> = members.iter().map(|rows| cloud.position(rows[0])).collect();
     let normals = cloud.normals().map(|normals| {
@@ -190,7 +191,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// `n` places of a bumpy sheet, each written `times`.
+    /// `n` positions of a bumpy sheet, each written `times`.
     fn sheet(n: usize, times: usize) -> Vec<Vec3> {
         let at = |i: usize| {
             let (x, y) = ((i % 50) as f64 / 50.0, (i / 50) as f64 / 50.0);
@@ -224,11 +225,11 @@ mod tests {
     fn places_that_are_written_often_are_no_missing_returns() {
         for points in [
             sheet(1000, 1),
-            // As faces that share no vertex, one place a tip of many.
+            // Like faces that share no vertex, with one position the tip of many.
             [sheet(1000, 6), vec![[0.5, 0.5, 3.0]; 100]].concat(),
             sheet(500, 40),
             [sheet(1000, 1), vec![[0.0; 3]; 19]].concat(),
-            // Nothing would be left.
+            // Nothing would remain.
             vec![[1.0, 2.0, 3.0]; 500],
             [sheet(2, 1), vec![[0.0; 3]; 100]].concat(),
             Vec::new(),
@@ -264,7 +265,7 @@ mod tests {
     }
 
     proptest! {
-        /// The order of the rows, the unit and the place of the cloud do not matter.
+        /// The order of the rows, the unit and the position of the cloud do not matter.
         #[test]
         fn missing_returns_are_found_wherever_they_stand(
             marks in 20..400usize, seed in 0..1000usize, unit in -20..20i32,

@@ -1,4 +1,4 @@
-//! Fewer points: voxel grid and random sample, and one point a place.
+//! Point reduction: voxel grid, random sample, and one point a position.
 
 mod duplicates;
 
@@ -16,22 +16,22 @@ use crate::search;
 pub use self::duplicates::{NoReturns, find_no_returns, remove_no_returns};
 pub(crate) use self::duplicates::{merge_duplicate_points, select_returns};
 
-/// How many points of a cloud are used.
+/// Downsampling of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Downsampling {
-    /// Side of the cubes of which one point (the mean) is kept, in the cloud's unit.
+    /// Side of the voxels of which one point (the mean) is kept, in the cloud's unit.
     pub voxel: Option<f64>,
-    /// Points that are kept, drawn at random after that.
+    /// Number of points kept, drawn at random after that.
     pub sample: Option<usize>,
     /// Seed of the draw.
     pub seed: u64,
 }
 
 impl Downsampling {
-    /// Refuses what no cloud can be thinned by.
+    /// Refuses invalid settings.
     ///
     /// # Errors
-    /// [`Error::Config`] for a voxel that is not positive and finite, and for a sample of 0.
+    /// [`Error::Config`] for a voxel size that is not positive and finite, and for a sample of 0.
     pub fn validate(&self) -> Result<()> {
         self.voxel.map_or(Ok(()), check_voxel)?;
         match self.sample {
@@ -40,11 +40,11 @@ impl Downsampling {
         }
     }
 
-    /// Thins a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
+    /// Downsamples a cloud; `stream` keeps the draws of the two clouds of a pair independent (0 for
     /// the source, 1 for the target).
     ///
     /// # Errors
-    /// Those of [`validate`](Self::validate) and of [`voxel_grid`].
+    /// The errors of [`validate`](Self::validate) and of [`voxel_grid`].
     pub fn apply(&self, mut cloud: PointCloud, stream: u64) -> Result<PointCloud> {
         self.validate()?;
         if let Some(size) = self.voxel {
@@ -57,16 +57,17 @@ impl Downsampling {
     }
 }
 
-/// One point per occupied cube of side `size`: the mean of the points (and normals, and
-/// channels) in it, cubes in the order of their first point. Where points have weights these are
-/// weighted means, and the weights of a cube add up; where all of them are 0, they are plain.
+/// Keeps one point per occupied voxel of side `size`: the mean of the points (and normals, and
+/// channels) in it, voxels in the order of their first point. For points with weights these are
+/// weighted means, and the weights of a voxel add up; if all weights are 0, the means are
+/// unweighted.
 ///
-/// The grid starts at the lowest corner of the cloud's bounding box, so that it moves
-/// along with the cloud.
+/// The grid starts at the lowest corner of the cloud's bounding box, so that it moves along with
+/// the cloud.
 ///
 /// # Errors
-/// [`Error::Config`] when `size` is not positive and finite, or so small that a side of
-/// the box has more than 2⁶² cubes.
+/// [`Error::Config`] when `size` is not positive and finite, or so small that a side of the box has
+/// more than 2⁶² voxels.
 pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
     let members = voxels(cloud, size)?;
     if members.is_empty() {
@@ -107,7 +108,7 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
     cloud.with_points(&points, has)
 }
 
-/// Refuses a side that no cube has.
+/// Refuses an invalid voxel size.
 ///
 /// # Errors
 /// [`Error::Config`] when `size` is not positive and finite.
@@ -118,10 +119,11 @@ pub(crate) fn check_voxel(size: f64) -> Result<()> {
     Err(Error::config("voxel", size, "must be above 0, in the unit of the coordinates"))
 }
 
-/// The points of every occupied cube of side `size`, cubes in the order of their first point.
+/// Returns the points of every occupied voxel of side `size`, voxels in the order of their first
+/// point.
 ///
 /// # Errors
-/// Those of [`voxel_grid`].
+/// The errors of [`voxel_grid`].
 pub(crate) fn voxels(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
     check_voxel(size)?;
     let Some((low, high)) = cloud.bounds() else { return Ok(Vec::new()) };
@@ -142,35 +144,36 @@ pub(crate) fn voxels(cloud: &PointCloud, size: f64) -> Result<Vec<Vec<usize>>> {
     Ok(members)
 }
 
-/// Points a cube by which cubes are counted.
+/// Points a voxel in the sample that voxels are counted with. Chosen by hand.
 const POINTS_PER_VOXEL: usize = 20;
 
 fn voxel_index(p: Vec3, low: Vec3, size: f64) -> [i64; 3] {
     math::sub(p, low).map(|x| (x / size).floor() as i64)
 }
 
-/// The side of cubes of which about `count` (within a tenth) hold points of `cloud`: the
-/// length of a [`voxel_grid`] that leaves about as many. For a cloud that has points in no more
-/// places than that, half as much again as its [`resolution`](search::resolution), which leaves
-/// most of them.
+/// Finds the voxel size for which about `count` (within a tenth) voxels contain points of `cloud`:
+/// a [`voxel_grid`] of this size leaves about as many points. If the cloud has no more distinct
+/// positions than that, the result is one and a half times its [`resolution`](search::resolution),
+/// which leaves most of the points.
 ///
-/// It scales with the cloud. 0 for a cloud in one place, or without points.
+/// The result scales with the cloud. 0 for a cloud at one position, or without points.
 ///
 /// # Errors
-/// Those of [`search::resolution`].
+/// The errors of [`search::resolution`].
 pub fn voxel_size_for(cloud: &PointCloud, count: usize) -> Result<f64> {
     if cloud.len() <= count {
         return Ok(1.5 * search::resolution(cloud.points())?);
     }
     let Some((low, high)) = cloud.bounds() else { return Ok(0.0) };
     let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-    // Of a dense cloud a part of the points fills nearly as many cubes.
+    // In a dense cloud a part of the points fills nearly as many voxels.
     let step = (cloud.len() / count.saturating_mul(POINTS_PER_VOXEL).max(1)).max(1);
     let occupied = |size: f64| {
         let some = cloud.positions().step_by(step).map(|p| voxel_index(p, low, size));
         some.collect::<FxHashSet<[i64; 3]>>().len() as f64
     };
-    // Surfaces hold cubes by the square of their side; twelve steps are for what is not one.
+    // On surfaces the number of voxels changes with the square of their side; twelve steps cover
+    // other clouds.
     let mut side = longest / 64.0;
     let mut ratio = f64::INFINITY;
     for _ in 0..12 {
@@ -180,7 +183,7 @@ pub fn voxel_size_for(cloud: &PointCloud, count: usize) -> Result<f64> {
         }
         side *= ratio.sqrt().clamp(0.25, 4.0);
     }
-    // However small cubes are, as many are not filled where rows share fewer places.
+    // If rows share positions, even the smallest voxels cannot reach that number.
     if ratio < 0.9
         && longest > 0.0
         && duplicates::count_distinct(cloud.points().iter().step_by(step)) <= count
@@ -190,8 +193,8 @@ pub fn voxel_size_for(cloud: &PointCloud, count: usize) -> Result<f64> {
     Ok(side)
 }
 
-/// `count` points drawn without replacement, in their original order; the whole cloud
-/// when it has no more. The same `seed` draws the same indices on every machine.
+/// Draws `count` points without replacement, in their original order; the whole cloud when it has
+/// no more. The same `seed` draws the same indices on every machine.
 pub fn sample(cloud: &PointCloud, count: usize, seed: u64) -> PointCloud {
     if count >= cloud.len() {
         return cloud.clone();
@@ -237,7 +240,7 @@ mod tests {
         let x: Vec<f64> = weighed.positions().map(|p| p[0]).collect();
         assert_eq!(x, [2.75, 5.5, 8.5]);
         assert_eq!(weighed.channels().get("red"), Some(&[2.75, 5.5, 8.5][..]));
-        // One point of twice the weight is as good as two.
+        // One point of twice the weight is equivalent to two.
         weights[2] = 6.0;
         let twice = thin(&weights);
         let x: Vec<f64> = twice.positions().map(|p| p[0]).collect();
@@ -254,7 +257,7 @@ mod tests {
         let left = voxel_grid(&plane(1.0), side).unwrap().len();
         assert!((850..=1150).contains(&left), "{left}");
         assert_eq!(voxel_size_for(&plane(1024.0), 1000).unwrap(), 1024.0 * side);
-        // No more points than that: nothing to thin.
+        // No more points than that: downsampling changes nothing.
         assert_eq!(voxel_size_for(&plane(1.0), 40_000).unwrap(), 1.5);
         let same = PointCloud::new(&[[1.0, 2.0, 3.0]; 50]).unwrap();
         assert_eq!(voxel_size_for(&same, 10).unwrap(), 0.0);

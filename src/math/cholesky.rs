@@ -1,12 +1,12 @@
-//! Symmetric positive definite systems of few unknowns: of six, one Gauss-Newton step of a pose.
+//! Symmetric positive definite systems of few unknowns; six for one Gauss-Newton step of a pose.
 
 /// A vector of six.
 pub type Vec6 = [f64; 6];
 /// A 6×6 matrix as rows.
 pub type Mat6 = [[f64; 6]; 6];
 
-/// The Cholesky factor L of `a` = L Lᵀ (its lower triangle is read); `None` unless every
-/// pivot is positive.
+/// Computes the Cholesky factor L of `a` = L Lᵀ (reads the lower triangle only); `None` unless
+/// every pivot is positive.
 pub fn factor<const N: usize>(a: &[[f64; N]; N]) -> Option<[[f64; N]; N]> {
     let mut l = [[0.0; N]; N];
     for i in 0..N {
@@ -24,7 +24,7 @@ pub fn factor<const N: usize>(a: &[[f64; N]; N]) -> Option<[[f64; N]; N]> {
     Some(l)
 }
 
-/// x with L Lᵀ x = `b`.
+/// Solves L Lᵀ x = `b` for x.
 pub fn solve<const N: usize>(l: &[[f64; N]; N], b: &[f64; N]) -> [f64; N] {
     let mut x = *b;
     for i in 0..N {

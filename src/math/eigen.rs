@@ -2,18 +2,19 @@
 
 use super::{Mat3, Vec3};
 
-/// Eigenvalues in ascending order, and the unit eigenvectors in the same order.
+/// Computes eigenvalues in ascending order, and the unit eigenvectors in the same order.
 ///
-/// Cyclic Jacobi rotations: unlike the closed cubic formula it keeps the small
-/// eigenvectors of nearly flat neighbourhoods, which is what normals are.
-/// Deterministic; a zero matrix gives zeros and the identity.
+/// Cyclic Jacobi rotations: unlike the closed cubic formula they keep the eigenvectors of small
+/// eigenvalues of nearly flat neighbourhoods, which are the normals. Deterministic; a zero matrix
+/// gives zeros and the identity.
 pub fn symmetric(matrix: &Mat3) -> (Vec3, [Vec3; 3]) {
     let [found] = symmetric_many(&[*matrix]);
     found
 }
 
-/// [`symmetric`] of each of L matrices, the same bits: side by side they take little longer than
-/// one, for the steps of one wait for each other. Within a SIMD dispatch it is vector code.
+/// Applies [`symmetric`] to each of L matrices, with the same bits. Side by side they take little
+/// longer than one, because the steps of one matrix wait for each other. Within a SIMD dispatch
+/// this becomes vector code.
 #[inline(always)]
 pub fn symmetric_many<const L: usize>(matrices: &[Mat3; L]) -> [(Vec3, [Vec3; 3]); L] {
     let each = |of: &dyn Fn(usize) -> f64| std::array::from_fn(of);
@@ -21,7 +22,7 @@ pub fn symmetric_many<const L: usize>(matrices: &[Mat3; L]) -> [(Vec3, [Vec3; 3]
         std::array::from_fn(|p| std::array::from_fn(|q| each(&|k| matrices[k][p][q])));
     let one = |p, q| if p == q { [1.0; L] } else { [0.0; L] };
     let mut v: [[[f64; L]; 3]; 3] = std::array::from_fn(|p| std::array::from_fn(|q| one(p, q)));
-    // Jacobi converges quadratically: 3×3 takes 4-6 sweeps, 16 cannot be needed.
+    // Jacobi converges quadratically: 3×3 takes 4-6 sweeps, 16 are never needed.
     for _ in 0..16 {
         let mut open = [false; L];
         for k in 0..L {
@@ -43,7 +44,7 @@ pub fn symmetric_many<const L: usize>(matrices: &[Mat3; L]) -> [(Vec3, [Vec3; 3]
     })
 }
 
-/// One Jacobi rotation of every matrix that is still `open`, which makes its `a[p][q]` zero
+/// Applies one Jacobi rotation to every matrix that is still `open`, which makes its `a[p][q]` zero
 /// (Golub & Van Loan, 8.5.2).
 #[inline(always)]
 fn rotate<const L: usize>(
@@ -62,7 +63,7 @@ fn rotate<const L: usize>(
         c[k] = 1.0 / (1.0 + t * t).sqrt();
         s[k] = t * c[k];
     }
-    // Turns two columns of a row, or two rows.
+    // Rotates two columns of a row, or two rows.
     let turn = |x: &mut [f64; L], y: &mut [f64; L]| {
         for k in 0..L {
             (x[k], y[k]) = (c[k] * x[k] - s[k] * y[k], s[k] * x[k] + c[k] * y[k]);
@@ -75,7 +76,7 @@ fn rotate<const L: usize>(
     a.iter_mut().for_each(columns);
     let [row_p, row_q] = a.get_disjoint_mut([p, q]).expect("p is not q");
     row_p.iter_mut().zip(row_q).for_each(|(x, y)| turn(x, y));
-    // Exact symmetry and an exact zero keep the loop's end test honest.
+    // Exact symmetry and an exact zero keep the loop's end test valid.
     for k in 0..L {
         let kept = if open[k] { 0.0 } else { apq[k] };
         (a[p][q][k], a[q][p][k]) = (kept, kept);
@@ -124,7 +125,7 @@ mod tests {
             symmetric(&[[3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0]]).0,
             [1.0, 2.0, 3.0]
         );
-        // Entries whose squares over- or underflow.
+        // Entries whose squares overflow or underflow.
         for scale in [1e-150, 1e150] {
             let m =
                 [[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 5.0]].map(|row| scaled(row, scale));

@@ -1,8 +1,8 @@
 //! f32 elementary functions without branches or tables, so that loops over them
 //! vectorise inside [`pulp`]'s dispatch.
 
-/// `eˣ` for `x ≤ 0`, relative error below 4e-7 down to `x = −87.3`, and exactly 0
-/// below (where f32 would turn subnormal). NaN gives NaN.
+/// Computes `eˣ` for `x ≤ 0`, relative error below 4e-7 down to `x = −87.3`, and exactly 0 below
+/// (where f32 would be subnormal). NaN gives NaN.
 ///
 /// Cody-Waite reduction to `|r| ≤ ln 2 / 2`, then the Taylor series to `r⁶` by Horner.
 #[inline(always)]
@@ -24,10 +24,10 @@ pub fn exp_neg(x: f32) -> f32 {
     if x < -87.3 { 0.0 } else { series * power }
 }
 
-/// `ln x` for normal `x > 0`, absolute error below 2e-7 near 1, relative above.
+/// Computes `ln x` for normal `x > 0`, absolute error below 2e-7 near 1, relative above.
 ///
-/// Splits off the exponent so that the mantissa is in `[√½, √2)`, then
-/// `2 artanh((m − 1) / (m + 1))` as an odd series to the 11th power.
+/// Separates the exponent so that the mantissa is in `[√½, √2)`, then `2 artanh((m − 1) / (m + 1))`
+/// as an odd series to the 11th power.
 #[inline(always)]
 pub fn ln(x: f32) -> f32 {
     const SQRT_HALF: u32 = 0x3f35_04f3;

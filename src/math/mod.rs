@@ -1,8 +1,8 @@
 //! Fixed-size algebra: 3-vectors and 3×3 matrices in f64, the symmetric 3×3
 //! eigenproblem, 6×6 Cholesky, and f32 elementary functions that vectorise.
 //!
-//! Matrices are arrays of rows. The one decomposition per solve is faer's
-//! ([`crate::pose`]); what is needed once per point is here.
+//! Matrices are arrays of rows. The one decomposition per solve is faer's ([`crate::pose`]);
+//! computations once per point are here.
 
 pub mod cholesky;
 pub mod eigen;

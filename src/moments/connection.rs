@@ -1,4 +1,4 @@
-//! The full connection between two described clouds, and its moments.
+//! The full connection between two clouds with descriptors, and its moments.
 
 use super::dense::{self, inverse_factors, nearest_descriptors, row_sums};
 use super::pruned;
@@ -8,12 +8,12 @@ use super::tile::{Scaling, joint_mean};
 use crate::error::{Error, Result};
 use crate::weight::{Bandwidth, KernelVisitor, Normalization, WeightKernel, WeightScheme};
 
-/// Every source point connected with every target point (the paper's fig. 1), ready to
-/// be weighed with any kernel, any number of times.
+/// Every source point connected with every target point (the paper's fig. 1), ready to be weighted
+/// with any kernel, any number of times.
 ///
-/// From 8 columns on squared distances are |a|² + |b|² − 2 a·b in f32 about the mean of all
-/// descriptors: off by some 1e-7 (|a|² + |b|²), also between equal rows, where that may be up
-/// to 2e-4 for FPFH on PCL's scale. Of fewer columns they are sums of squared differences.
+/// From 8 columns on, squared distances are |a|² + |b|² − 2 a·b in f32 about the mean of all
+/// descriptors. Their error is some 1e-7 (|a|² + |b|²), also between equal rows, where it may be up
+/// to 2e-4 for FPFH on PCL's scale. With fewer columns they are sums of squared differences.
 ///
 /// ```
 /// use cfreg::{Descriptors, moments::{FeatureView, FullConnection}, weight::Normalization};
@@ -31,18 +31,18 @@ pub struct FullConnection {
     pub(super) target: ConnectionSide,
 }
 
-/// Least automatic bandwidth, in variances of the descriptors.
+/// Minimum automatic bandwidth, in variances of the descriptors: below, rounding would decide.
 const MIN_BANDWIDTH_SHARE: f64 = 1e-3;
-/// Least bandwidth of all, where descriptors do not differ.
+/// Absolute minimum of the bandwidth, for descriptors that do not differ. Chosen by hand.
 const MIN_BANDWIDTH: f64 = 1e-12;
 
 impl FullConnection {
-    /// Connects all points of `source` with all of `target`.
+    /// Connects all points of `source` with all points of `target`.
     ///
     /// # Errors
-    /// [`Error::TooFewPoints`] for an empty side, [`Error::Shape`] when a side has not one
-    /// descriptor a point or the dimensions differ, [`Error::NonFinite`] for descriptors
-    /// too large for f32 distances.
+    /// [`Error::TooFewPoints`] for an empty side, [`Error::Shape`] when a side does not have one
+    /// descriptor a point or the dimensions differ, [`Error::NonFinite`] for descriptors too large
+    /// for f32 distances.
     pub fn new(source: FeatureView<'_>, target: FeatureView<'_>) -> Result<Self> {
         let (from, to) = (source.descriptors.dim(), target.descriptors.dim());
         if from != to {
@@ -56,17 +56,17 @@ impl FullConnection {
         })
     }
 
-    /// The connection with how much each point counts: the weight of a pair becomes aᵢ bⱼ wᵢⱼ,
-    /// wᵢⱼ as it would be without, normalised if it is to be. Without normalisation a weight of 2
-    /// is as good as having the point twice, and 0 as leaving it out. `None`: all count alike.
+    /// Sets the weights of the points: the weight of a pair becomes aᵢ bⱼ wᵢⱼ, with wᵢⱼ as without
+    /// point weights, normalised if requested. Without normalisation a weight of 2 is equivalent to
+    /// having the point twice, and 0 to leaving it out. `None`: all have the same weight.
     ///
-    /// It holds for all moments, not for [`source_sums`](Self::source_sums),
-    /// [`target_sums`](Self::target_sums) and what is alike. With weights
+    /// Point weights apply to all moments, not to [`source_sums`](Self::source_sums),
+    /// [`target_sums`](Self::target_sums) and nearest descriptors. With point weights
     /// [`pruned_moments`](Self::pruned_moments) leaves nothing out.
     ///
     /// # Errors
     /// [`Error::Shape`] unless there is one weight a point, [`Error::NonFinite`] and
-    /// [`Error::Config`] for one that is not finite or below 0.
+    /// [`Error::Config`] for a weight that is not finite or below 0.
     pub fn with_point_weights(
         mut self,
         source: Option<&[f32]>,
@@ -84,12 +84,12 @@ impl FullConnection {
         self.source.weights.is_some() || self.target.weights.is_some()
     }
 
-    /// Number of connections N·M.
+    /// Returns the number of connections N·M.
     pub fn pairs(&self) -> u64 {
         self.source.rows.len() as u64 * self.target.rows.len() as u64
     }
 
-    /// Moments of the connections weighed by `kernel` and normalised.
+    /// Computes the moments of the connections, weighted by `kernel` and normalised.
     ///
     /// One pass over the N·M pairs, two for `source` and `target`, three for `both`,
     /// 2n + 1 for `sinkhorn:n`.
@@ -127,10 +127,10 @@ impl FullConnection {
         Ok(moments)
     }
 
-    /// [`moments`](Self::moments) with a kernel of the catalogue at bandwidth `beta`.
+    /// Computes [`moments`](Self::moments) with a kernel of the catalogue at bandwidth `beta`.
     ///
     /// # Errors
-    /// Those of [`moments`](Self::moments), and [`Error::Config`] for a `beta` or ν out of
+    /// The errors of [`moments`](Self::moments), and [`Error::Config`] for a `beta` or ν out of
     /// range.
     pub fn scheme_moments(
         &self,
@@ -148,18 +148,18 @@ impl FullConnection {
         scheme.visit(beta, MomentsVisitor(self, normalization))?
     }
 
-    /// [`scheme_moments`](Self::scheme_moments) within a tolerance ε in [0, 1), in less time:
-    /// connections whose weights provably do not matter are left out.
+    /// Computes [`scheme_moments`](Self::scheme_moments) within a tolerance ε in [0, 1), in less
+    /// time: connections whose weights provably do not matter are left out.
     ///
-    /// With w the normalised weights of all connections and w̃ those of the result, 0 where
-    /// left out, Σ|w̃ − w| ≤ ε Σw. Without normalisation that is the share of Σw left out. So
-    /// Σw is off by at most ε Σw, Σw p̃ by ε Σw max|p̃|, the cross moment by
-    /// ε Σw max|p̃| max|q̃|, any sum Σw f by ε Σw max|f|; rounding to f32 comes on top, as
-    /// without a tolerance. 0 leaves nothing out, bit for bit, and so do fewer than 5·10⁷
-    /// connections, which are as fast dense, and weights of points.
+    /// With w the normalised weights of all connections and w̃ the weights of the result, 0 where
+    /// left out, Σ|w̃ − w| ≤ ε Σw. Without normalisation this is the share of Σw left out. So the
+    /// error of Σw is at most ε Σw, of Σw p̃ ε Σw max|p̃|, of the cross moment ε Σw max|p̃|
+    /// max|q̃|, of any sum Σw f ε Σw max|f|. Rounding to f32 is added, as without a tolerance. The
+    /// result is the dense one, bit for bit, for a tolerance of 0, for fewer than 5·10⁷
+    /// connections, which are as fast dense, and with point weights.
     ///
     /// # Errors
-    /// Those of [`scheme_moments`](Self::scheme_moments), and of [`check_tolerance`].
+    /// The errors of [`scheme_moments`](Self::scheme_moments), and of [`check_tolerance`].
     pub fn pruned_moments(
         &self,
         scheme: WeightScheme,
@@ -177,8 +177,8 @@ impl FullConnection {
         Ok(moments)
     }
 
-    /// Moments within a tolerance above 0, whatever the size, and how many weights were
-    /// computed for them. A scheme, as a closure may grow with d².
+    /// Computes moments within a tolerance above 0 for any size, and counts the weights that were
+    /// computed. It takes a scheme, because a closure may grow with d².
     pub(super) fn pruned_moments_with_count(
         &self,
         scheme: WeightScheme,
@@ -201,11 +201,11 @@ impl FullConnection {
         scheme.visit(beta, PrunedMomentsVisitor(self, normalization, tolerance))
     }
 
-    /// Moments of `w_ij v_j` for given factors v of the target points: the per-target
-    /// normalisations that need more than the sums, as the outlier term of CPD.
+    /// Computes the moments of `w_ij v_j` for given factors v of the target points, for per-target
+    /// normalisations that need more than the sums, such as the outlier term of CPD.
     ///
     /// # Errors
-    /// [`Error::Shape`] unless there is one factor a target point, and those of
+    /// [`Error::Shape`] unless there is one factor a target point, and the errors of
     /// [`moments`](Self::moments).
     pub fn moments_with_factors<K: WeightKernel>(
         &self,
@@ -222,44 +222,45 @@ impl FullConnection {
         Ok(moments)
     }
 
-    /// Σ_j w_ij of every source point.
+    /// Returns Σ_j w_ij of every source point.
     pub fn source_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         row_sums(&self.source, &self.target, kernel, Scaling::None)
     }
 
-    /// Σ_i w_ij of every target point.
+    /// Returns Σ_i w_ij of every target point.
     pub fn target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         row_sums(&self.target, &self.source, kernel, Scaling::None)
     }
 
-    /// Of every source point, the target point with the most similar descriptor; the
-    /// lower index where two are equally near.
+    /// Finds for every source point the target point with the most similar descriptor; the lower
+    /// index where two are equally near.
     pub fn nearest_targets(&self) -> Vec<u32> {
         let nearest = nearest_descriptors(&self.source, &self.target);
         nearest.into_iter().map(|(_, target)| target).collect()
     }
 
-    /// Pairs (source, target) of points that are each other's most similar, by source point.
+    /// Finds the pairs (source, target) of mutual nearest neighbours in descriptor space, by source
+    /// point.
     pub fn mutual_nearest(&self) -> Vec<(u32, u32)> {
         let (there, back) = (self.nearest_targets(), self.nearest_sources());
         let pairs = there.into_iter().zip(0..).map(|(j, i)| (i, j));
         pairs.filter(|&(i, j)| back[j as usize] == i).collect()
     }
 
-    /// Of every target point, the source point with the most similar descriptor.
+    /// Finds for every target point the source point with the most similar descriptor.
     pub fn nearest_sources(&self) -> Vec<u32> {
         let nearest = nearest_descriptors(&self.target, &self.source);
         nearest.into_iter().map(|(_, source)| source).collect()
     }
 
-    /// The squared bandwidth β that `bandwidth` comes to here; the same from source to
-    /// target as back. `auto` costs two passes over the pairs.
+    /// Returns the squared bandwidth β that `bandwidth` gives for these clouds; the same if source
+    /// and target are exchanged. `auto` costs two passes over the pairs.
     ///
-    /// At least a thousandth of the descriptors' variance: below, the rounding of
+    /// The bandwidth is at least a thousandth of the descriptors' variance: below, the rounding of
     /// distances would decide.
     ///
     /// # Errors
-    /// Those of [`Bandwidth::validate`].
+    /// The errors of [`Bandwidth::validate`].
     pub fn bandwidth(&self, bandwidth: Bandwidth) -> Result<f64> {
         bandwidth.validate()?;
         let share = match bandwidth {
@@ -277,7 +278,7 @@ impl FullConnection {
         Ok((share * f64::from(median)).max(floor))
     }
 
-    /// Σ_i aᵢ w_ij of every target point, with the weights aᵢ of the source's points.
+    /// Returns Σ_i aᵢ w_ij of every target point, with the weights aᵢ of the source's points.
     pub(crate) fn point_weighted_target_sums<K: WeightKernel>(&self, kernel: &K) -> Vec<f64> {
         let Some(PointWeights { shares, scale }) = &self.source.weights else {
             return self.target_sums(kernel);
@@ -287,7 +288,7 @@ impl FullConnection {
         sums.into_iter().map(|sum| scale * sum).collect()
     }
 
-    /// Factors uᵢ and vⱼ after `rounds` of Sinkhorn-Knopp.
+    /// Returns the factors uᵢ and vⱼ after `rounds` of Sinkhorn-Knopp.
     pub(super) fn sinkhorn<K: WeightKernel>(
         &self,
         kernel: &K,
@@ -305,7 +306,7 @@ impl FullConnection {
     }
 }
 
-/// Refuses what is no tolerance of [`FullConnection::pruned_moments`].
+/// Refuses an invalid tolerance of [`FullConnection::pruned_moments`].
 ///
 /// # Errors
 /// [`Error::Config`] unless `tolerance` is in [0, 1).

@@ -7,7 +7,7 @@ use super::tile::{SOURCES, Scaling, weigh_block};
 use crate::par;
 use crate::weight::WeightKernel;
 
-/// Weighs all pairs, by the weights of their points too: these become part of the factors.
+/// Weights all pairs; the weights of their points become part of the factors.
 pub(super) fn weigh<K: WeightKernel>(
     source: &ConnectionSide,
     target: &ConnectionSide,
@@ -63,7 +63,7 @@ fn weigh_pairs<K: WeightKernel>(
     })
 }
 
-/// Σ of the weights of every point of `from`, against all of `onto`.
+/// Sums the weights of every point of `from` against all points of `onto`.
 pub(super) fn row_sums<K: WeightKernel>(
     from: &ConnectionSide,
     onto: &ConnectionSide,
@@ -78,7 +78,7 @@ pub(super) fn row_sums<K: WeightKernel>(
     blocks.concat()
 }
 
-/// Squared distance from every point of `from` to the most similar of `onto`, and which it is.
+/// Finds for every point of `from` the most similar point of `onto`: squared distance and index.
 pub(super) fn nearest_descriptors(from: &ConnectionSide, onto: &ConnectionSide) -> Vec<(f32, u32)> {
     let blocks = par::map_blocks(from.rows.len(), SOURCES, Vec::new, |tile, block| {
         let mut reducer = RowMinima { found: vec![(f32::INFINITY, 0); block.len()] };
@@ -89,8 +89,8 @@ pub(super) fn nearest_descriptors(from: &ConnectionSide, onto: &ConnectionSide) 
     blocks.concat()
 }
 
-/// `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing.
-/// A NaN sum stays NaN, so that a bad kernel is reported and not hidden.
+/// Returns `numerator / sum`, and 0 where a sum has underflowed: that point connects to nothing. A
+/// NaN sum stays NaN, so that a bad kernel is reported and not hidden.
 pub(super) fn inverse_factors(sums: &[f64], numerator: f64) -> Vec<f32> {
     let invert = |&sum: &f64| {
         if sum < f64::from(f32::MIN_POSITIVE) { 0.0 } else { (numerator / sum) as f32 }

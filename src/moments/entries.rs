@@ -1,4 +1,4 @@
-//! Entries and sums of the weights themselves, for those who want to look at W.
+//! Entries and sums of the weight matrix W, for inspection.
 
 use super::connection::FullConnection;
 use super::dense::{inverse_factors, row_sums};
@@ -9,26 +9,26 @@ use crate::error::Result;
 use crate::par;
 use crate::weight::{KernelVisitor, Normalization, WeightKernel, WeightScheme};
 
-/// Parts of W, the weights of a full connection as its moments have them: normalised, then
-/// multiplied by the weights of the points.
+/// Parts of W, the weights of a full connection as used by its moments: normalised, then multiplied
+/// by the weights of the points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entries {
     /// Σ_j w_ij of every source point.
     pub source_sums: Vec<f64>,
     /// Σ_i w_ij of every target point.
     pub target_sums: Vec<f64>,
-    /// Of every source point its heaviest connection: the weight, and the target point, the lower
+    /// The heaviest connection of every source point: the weight, and the target point, the lower
     /// index where two are equal.
     pub heaviest: Vec<(f32, u32)>,
-    /// w_ij of the source points and target points that were asked for, row by row.
+    /// w_ij of the requested source points and target points, row by row.
     pub block: Vec<f32>,
 }
 
-/// Factors of the weights, by source and by target point.
+/// Factors of the weights, by source point and by target point.
 struct Factors {
     source: Vec<f32>,
     target: Vec<f32>,
-    /// Whether the weight stands in there squared.
+    /// Whether the weight enters squared.
     squares_weight: bool,
 }
 
@@ -40,7 +40,7 @@ impl Factors {
         }
     }
 
-    /// The same seen from the target.
+    /// Returns the scaling with source and target exchanged.
     fn transposed_scaling(&self) -> Scaling<'_> {
         match self.squares_weight {
             true => Scaling::Dual(&self.target, &self.source),
@@ -50,9 +50,9 @@ impl Factors {
 }
 
 impl FullConnection {
-    /// Weights by a kernel of the catalogue at bandwidth `beta`, where `rows` of the source meet
-    /// `columns` of the target, and the sums over all: four passes over the pairs beside those
-    /// of the normalisation.
+    /// Computes weights by a kernel of the catalogue at bandwidth `beta` for the `rows` of the
+    /// source and the `columns` of the target, and the sums over all: four passes over the pairs in
+    /// addition to the passes of the normalisation.
     ///
     /// # Errors
     /// [`Error::Config`](crate::Error::Config) for a `beta` or ν out of range.
@@ -123,7 +123,7 @@ impl FullConnection {
     }
 }
 
-/// The heaviest connection of every point of `from`.
+/// Finds the heaviest connection of every point of `from`.
 fn heaviest_targets<K: WeightKernel>(
     from: &ConnectionSide,
     onto: &ConnectionSide,
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::cloud::Descriptors;
 
-    /// Descriptors of few columns, so that both ways to a distance are plain differences.
+    /// Descriptors of few columns, so that both distance computations are plain differences.
     fn sides() -> ([Vec<[f32; 3]>; 2], [Descriptors; 2]) {
         let row = |k: usize| [(k % 7) as f32 * 0.3, (k % 5) as f32 * 0.4];
         let table = |n: usize, first: usize| {

@@ -1,14 +1,14 @@
-//! The narrow waist: all that a closed form needs of N×M weighted pairs.
+//! The narrow waist: everything that a closed form needs from N×M weighted pairs.
 //!
-//! [`FullConnection`] weighs every source point against every target point and
-//! returns [`Moments`], in one fused pass over tiles of the distance matrix: tile
-//! filler → weight → reducer. W is never stored; memory is O(N + M).
+//! [`FullConnection`] weights every source point against every target point and returns
+//! [`Moments`], in one fused pass over tiles of the distance matrix: tile filler → weight →
+//! reducer. W is never stored; memory is O(N + M).
 //!
 //! Sparse connections, listed pair by pair, go through [`moments_of_pairs`].
 //!
-//! Floors: the tiles are f32, everything summed over more than one tile is f64, tiles
-//! are cut at fixed places and merged in order, so the bits do not depend on the
-//! number of threads. [`naive`] is the specification: the double loop in f64.
+//! Precision: the tiles are f32, and every sum over more than one tile is f64. Tiles are cut at
+//! fixed positions and merged in order, so the bits do not depend on the number of threads.
+//! [`naive`] is the specification: the double loop in f64.
 
 mod connection;
 mod dense;

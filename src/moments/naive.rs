@@ -1,13 +1,13 @@
-//! The specification of [`super::FullConnection`]: the double loop, in f64, with the
-//! normalisations as they are defined. O(N·M) memory for those; the oracle of tests.
+//! The specification of [`super::FullConnection`]: the double loop, in f64, with the normalisations
+//! as they are defined. These need O(N·M) memory. Tests use it as the reference.
 
 use super::side::FeatureView;
 use super::sums::Moments;
 use crate::math::{self, Vec3};
 use crate::weight::Normalization;
 
-/// Moments of the full connection about the origins of `source` and `target`, weighed by
-/// `weight(d²)` in f64.
+/// Computes the moments of the full connection about the origins of `source` and `target`, weighted
+/// by `weight(d²)` in f64.
 ///
 /// # Panics
 /// When a side has fewer descriptors than points.
@@ -21,8 +21,8 @@ pub fn moments(
     point_weighted_moments(source, target, weight, normalization, [&ones[0], &ones[1]])
 }
 
-/// The same with weights of the source's and of the target's points, one each: the definition of
-/// [`FullConnection::with_point_weights`](super::FullConnection::with_point_weights).
+/// Computes the moments with weights of the source's and of the target's points, one each: the
+/// definition of [`FullConnection::with_point_weights`](super::FullConnection::with_point_weights).
 ///
 /// # Panics
 /// When a side has fewer descriptors or weights than points.
@@ -94,7 +94,7 @@ fn normalize(w: &mut [Vec<f64>], normalization: Normalization) {
     }
 }
 
-/// The same sums about other origins, for comparing two ways of summing.
+/// Moves the sums to other origins, to compare two ways of summing.
 pub fn shift_origins(moments: &Moments, source_origin: Vec3, target_origin: Vec3) -> Moments {
     let dp = math::sub(moments.source_origin, source_origin);
     let dq = math::sub(moments.target_origin, target_origin);

@@ -1,4 +1,4 @@
-//! Sparse connections: moments of pairs that are listed.
+//! Sparse connections: moments of listed pairs.
 
 use super::sums::Moments;
 use crate::cloud::PointCloud;
@@ -17,10 +17,10 @@ pub struct WeightedPair {
     pub weight: f64,
 }
 
-/// Pairs a partial sum: fixed, so that the bits do not depend on the threads.
+/// Pairs a partial sum: fixed, so that the bits do not depend on the number of threads.
 const BLOCK: usize = 1024;
 
-/// Moments of the listed pairs, in f64 throughout, about the clouds' centroids.
+/// Computes the moments of the listed pairs, in f64 throughout, about the clouds' centroids.
 ///
 /// # Errors
 /// [`Error::Shape`] for an index beyond its cloud, [`Error::NoWeight`] without pairs or
@@ -41,7 +41,7 @@ pub fn moments_of_pairs(
     check_indices(source, "source", pairs.iter().map(|pair| pair.source))?;
     check_indices(target, "target", pairs.iter().map(|pair| pair.target))?;
     let start = Moments::about(source.centroid(), target.centroid());
-    // Local numbers: the origins of cloud and sums differ by a part of the cloud's size.
+    // Local coordinates: the origins of cloud and sums differ by a part of the cloud's size.
     let shift_p = math::sub(source.origin(), start.source_origin);
     let shift_q = math::sub(target.origin(), start.target_origin);
     let local = |point: [f32; 3], shift: Vec3| math::add(point.map(f64::from), shift);
@@ -67,7 +67,7 @@ pub fn moments_of_pairs(
     Ok(moments)
 }
 
-/// Refuses an index of a pair beyond its cloud, the `side` of the pairs.
+/// Refuses an index of a pair beyond its cloud; `side` is the side of the pairs.
 pub(crate) fn check_indices(
     cloud: &PointCloud,
     side: &str,

@@ -1,18 +1,18 @@
-//! Reducers: what a pass keeps of the weights.
+//! Reducers: the sums that a pass computes from the weights.
 
 use super::sums::Moments;
 use super::tile::Reducer;
 use crate::math::Vec3;
 
-/// Partial sums run in this many f32 lanes on every machine, so the vector width does
+/// Number of f32 lanes of partial sums, the same on every machine, so that the vector width does
 /// not change the result.
 const LANES: usize = 16;
-/// Sums kept per source: Σw, Σw qx, Σw qy, Σw qz, Σw |q|², Σw².
+/// Number of sums a source: Σw, Σw qx, Σw qy, Σw qz, Σw |q|², Σw².
 const SUMS: usize = 6;
 
-/// Weights are multiplied by this before they are squared, and the sum of squares is
-/// divided by its square: f32 then holds the squares of weights from 1e-28 to 1e9, where
-/// plain squares of weights below 1e-19 would vanish.
+/// Factor on weights before they are squared; the sum of squares is divided by its square. f32 then
+/// represents the squares of weights from 1e-28 to 1e9, while plain squares of weights below 1e-19
+/// would vanish.
 const SQUARE_SCALE: f32 = (1u32 << 30) as f32;
 
 /// Target positions about their origin, one array a coordinate.
@@ -39,7 +39,7 @@ pub(super) struct MomentSums<'a> {
 }
 
 impl MomentSums<'_> {
-    /// Closes the block: Σ_i p̃_i (W Q̃)_i with the positions of its sources.
+    /// Finishes the block: Σ_i p̃_i (W Q̃)_i with the positions of its sources.
     pub(super) fn fold(&self, sources: &[[f32; 3]], mut moments: Moments) -> Moments {
         for (&point, &[w, x, y, z, squares, w2]) in sources.iter().zip(&self.sums) {
             let point: Vec3 = point.map(f64::from);
@@ -120,7 +120,7 @@ impl Reducer for RowSums {
     }
 }
 
-/// Least value of each row and the column it is in, the lowest among equals.
+/// Least value of each row and its column, the lowest among equals.
 pub(super) struct RowMinima {
     pub(super) found: Vec<(f32, u32)>,
 }
@@ -128,7 +128,7 @@ pub(super) struct RowMinima {
 impl Reducer for RowMinima {
     #[inline(always)]
     fn row(&mut self, row: usize, first: usize, weights: &[f32]) {
-        // The first least one of each lane, so that no step waits for the one before.
+        // The first least value of each lane, so that no step waits for the previous one.
         let (mut values, mut columns) = ([f32::INFINITY; LANES], [0u32; LANES]);
         let whole = weights.len() / LANES * LANES;
         for at in (0..whole).step_by(LANES) {
@@ -151,7 +151,7 @@ impl Reducer for RowMinima {
     }
 }
 
-/// Largest value of each row and the column it is in, the lowest among equals.
+/// Largest value of each row and its column, the lowest among equals.
 pub(super) struct RowMaxima {
     pub(super) found: Vec<(f32, u32)>,
 }
@@ -173,7 +173,7 @@ fn lane(values: &[f32], at: usize) -> &[f32; LANES] {
     values[at..at + LANES].try_into().expect("the slice has LANES values")
 }
 
-/// Sum of the lanes in f64, as a balanced tree.
+/// Sums the lanes in f64, as a balanced tree.
 #[inline(always)]
 fn total(lanes: [f32; LANES]) -> f64 {
     let mut sums = lanes.map(f64::from);

@@ -1,23 +1,22 @@
-//! One side of a full connection: what is handed in, and how passes want it.
+//! One side of a full connection: the input, and its layout for passes.
 
 use super::tile::{DescriptorRows, Panels};
 use crate::cloud::{Descriptors, check_weights};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// One side of the connection: where its points are, and what they look like.
+/// Input of one side of the connection: positions and descriptors of its points.
 #[derive(Debug, Clone, Copy)]
 pub struct FeatureView<'a> {
     /// Positions relative to `origin`, as in [`PointCloud`](crate::PointCloud).
     pub points: &'a [[f32; 3]],
-    /// Added to `points` gives the cloud's own frame.
+    /// Offset from `points` to the cloud's own frame.
     pub origin: Vec3,
     /// One row a point.
     pub descriptors: &'a Descriptors,
 }
 
-/// A side, laid out both ways: as rows when it is cut into blocks, as panels when it is
-/// streamed.
+/// A side in both layouts: as rows to be cut into blocks, as panels to be streamed.
 pub(super) struct ConnectionSide {
     pub(super) origin: Vec3,
     pub(super) points: Vec<[f32; 3]>,
@@ -26,8 +25,8 @@ pub(super) struct ConnectionSide {
     pub(super) weights: Option<PointWeights>,
 }
 
-/// Weights of a side's points as `scale` times numbers up to 1, so that f32 holds their products
-/// with others. A power of two: no digit changes.
+/// Weights of a side's points as `scale` times numbers up to 1, so that f32 can represent their
+/// products with others. The scale is a power of two: no digit changes.
 pub(super) struct PointWeights {
     pub(super) shares: Vec<f32>,
     pub(super) scale: f64,

@@ -1,4 +1,4 @@
-//! [`Moments`]: the sums, and what follows from them alone.
+//! [`Moments`]: the sums, and quantities that follow from them alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,14 +8,14 @@ use crate::math::{self, Mat3, Vec3};
 
 /// Sums over weighted pairs (p, q) about two fixed origins.
 ///
-/// With p̃ = p − [`source_origin`](Self::source_origin) and q̃ likewise: 18 numbers from
-/// which rotation, translation, scale and the residual of *any* pose follow, whatever
-/// made the weights, and Σw² for the effective number of connections.
+/// With p̃ = p − [`source_origin`](Self::source_origin) and q̃ likewise: 18 numbers that determine
+/// rotation, translation, scale and the residual of *any* pose, for weights of any kind, and Σw²
+/// for the effective number of connections.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Moments {
-    /// What source points are relative to, near their centroid.
+    /// Origin of the source points, near their centroid.
     pub source_origin: Vec3,
-    /// What target points are relative to, near their centroid.
+    /// Origin of the target points, near their centroid.
     pub target_origin: Vec3,
     /// Σw.
     pub weight: f64,
@@ -33,7 +33,7 @@ pub struct Moments {
     pub target_squares: f64,
 }
 
-/// [`Moments`] divided by Σw and taken about the weighted means: what solvers read.
+/// [`Moments`] divided by Σw and taken about the weighted means: the input of solvers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Centered {
     /// Weighted mean of the source points, in the source's frame.
@@ -49,13 +49,13 @@ pub struct Centered {
 }
 
 impl Moments {
-    /// No pair yet, about the given origins.
+    /// Creates sums without a pair, about the given origins.
     pub fn about(source_origin: Vec3, target_origin: Vec3) -> Self {
         Moments { source_origin, target_origin, ..Default::default() }
     }
 
-    /// Adds one pair, `source` and `target` relative to the origins: the way for sparse
-    /// connections, and the definition of every field.
+    /// Adds one pair, `source` and `target` relative to the origins: used for sparse connections,
+    /// and the definition of every field.
     pub fn add_pair(&mut self, weight: f64, source: Vec3, target: Vec3) {
         self.weight += weight;
         self.weight_squared += weight * weight;
@@ -85,7 +85,7 @@ impl Moments {
         }
     }
 
-    /// The same sums with every weight times `factor`.
+    /// Multiplies every weight by `factor`.
     pub(crate) fn scaled(&self, factor: f64) -> Moments {
         Moments {
             weight: factor * self.weight,
@@ -99,7 +99,7 @@ impl Moments {
         }
     }
 
-    /// The same sums with source and target exchanged.
+    /// Exchanges source and target.
     pub fn swapped(&self) -> Moments {
         Moments {
             source_origin: self.target_origin,
@@ -113,8 +113,8 @@ impl Moments {
         }
     }
 
-    /// Effective number of connections (Σw)²/Σw² (Kish): N·M when all weigh the same,
-    /// 1 when one outweighs the rest; 0 without weight.
+    /// Returns the effective number of connections (Σw)²/Σw² (Kish): N·M when all weights are
+    /// equal, 1 when one outweighs the rest; 0 without weight.
     pub fn effective_connections(&self) -> f64 {
         if self.weight_squared > 0.0 {
             self.weight * self.weight / self.weight_squared
@@ -123,11 +123,11 @@ impl Moments {
         }
     }
 
-    /// The weighted residual Σw ‖T(p) − q‖² of any transform (the paper's eq. 3, up to
-    /// whose weights), without another pass over the pairs. Never negative.
+    /// Returns the weighted residual Σw ‖T(p) − q‖² of any transform (the paper's eq. 3, but with
+    /// any weights), without another pass over the pairs. Never negative.
     pub fn residual(&self, transform: &Transform) -> f64 {
         let Transform { rotation, scale, .. } = transform;
-        // About the origins the shift is small, whatever the map coordinates are.
+        // About the origins the translation is small for any map coordinates.
         let shift = math::sub(transform.apply(self.source_origin), self.target_origin);
         let turned_sum = math::mat_vec(rotation, self.source_sum);
         let turned_cross = math::trace(&math::mat_mul(rotation, &self.cross));
@@ -140,7 +140,7 @@ impl Moments {
         (squares + 2.0 * products).max(0.0)
     }
 
-    /// Means and covariances.
+    /// Computes means and covariances.
     ///
     /// # Errors
     /// [`Error::NonFinite`] when a sum is not finite, [`Error::NoWeight`] when Σw is not

@@ -1,10 +1,10 @@
 //! Tiles of the weight matrix: squared distances between descriptors, then weights.
 //!
-//! Two fillers, chosen by the dimension alone. From [`PRODUCT_FROM`] on,
-//! |a|² + |b|² − 2 a·b with the product by faer; its rounding can turn the distance of
-//! near-equal rows negative, so it is clamped at 0, and the rows are taken about the
-//! joint mean to keep |a|² small. Below, plain differences: for positions the product's
-//! cancellation would cost up to a quarter of a weight.
+//! Two fillers, chosen by the dimension alone. From [`PRODUCT_FROM`] on, |a|² + |b|² − 2 a·b with
+//! the product by faer. Its rounding can make the distance of near-equal rows negative, so the
+//! distance is clamped at 0, and the rows are taken about the joint mean to keep |a|² small. Below,
+//! plain differences: for positions the product's cancellation would cost up to a quarter of a
+//! weight.
 
 use std::ops::Range;
 
@@ -16,9 +16,9 @@ use crate::cloud::Descriptors;
 use crate::error::{Error, Result};
 use crate::weight::WeightKernel;
 
-/// Sources a block: one task of the parallel loop, one column each in a tile.
+/// Sources a block: one task of the parallel loop, one column of a tile each.
 pub(super) const SOURCES: usize = 64;
-/// Targets a tile. A tile of 64 × 512 f32 (128 KiB) stays in a core's second-level cache.
+/// Targets a tile. A tile of 64 × 512 f32 (128 KiB) fits a core's second-level cache.
 const TARGETS: usize = 512;
 /// Dimension from which distances are computed by matrix product.
 const PRODUCT_FROM: usize = 8;
@@ -38,7 +38,7 @@ pub(super) struct Panels {
     pub(super) norms: Vec<f32>,
 }
 
-/// Mean of the rows of both sides, in f64.
+/// Returns the mean of the rows of both sides, in f64.
 pub(super) fn joint_mean(a: &Descriptors, b: &Descriptors) -> Vec<f64> {
     let mut mean = vec![0.0; a.dim()];
     for row in a.rows().chain(b.rows()) {
@@ -80,7 +80,7 @@ impl DescriptorRows {
         &self.values[i * self.dim..][..self.dim]
     }
 
-    /// The rows named by `indices`, in that order.
+    /// Selects the rows at `indices`, in that order.
     pub(super) fn select(&self, indices: &[u32]) -> DescriptorRows {
         let mut values = Vec::with_capacity(indices.len() * self.dim);
         indices.iter().for_each(|&i| values.extend_from_slice(self.row(i as usize)));
@@ -88,7 +88,7 @@ impl DescriptorRows {
         DescriptorRows { dim: self.dim, values, norms }
     }
 
-    /// Squared norm of each row about the mean of both sides.
+    /// Returns the squared norm of each row about the mean of both sides.
     pub(super) fn norms(&self) -> &[f32] {
         &self.norms
     }
@@ -97,7 +97,7 @@ impl DescriptorRows {
         Panels { values: self.transposed(TARGETS), norms: self.norms.clone() }
     }
 
-    /// The values in pieces of `width` rows, in each one dimension after the other.
+    /// Returns the values in pieces of `width` rows; within a piece, one dimension after the other.
     pub(super) fn transposed(&self, width: usize) -> Vec<f32> {
         let mut values = Vec::with_capacity(self.values.len());
         for piece in self.values.chunks(width * self.dim) {
@@ -124,15 +124,15 @@ pub(super) enum Scaling<'a> {
     Dual(&'a [f32], &'a [f32]),
 }
 
-/// What happens to the weights of one source against one tile of targets.
+/// Consumer of the weights of one source against one tile of targets.
 pub(super) trait Reducer {
-    /// `row` counts from the block's first source, `first` is the tile's first target.
-    /// Called within a SIMD dispatch: mark it `#[inline(always)]`.
+    /// `row` counts from the block's first source, `first` is the tile's first target. The call is
+    /// inside a SIMD dispatch: mark it `#[inline(always)]`.
     fn row(&mut self, row: usize, first: usize, weights: &[f32]);
 }
 
-/// Weighs the sources of `block` against every target, tile by tile, and hands each row
-/// of weights to `reducer`. `tile` is scratch.
+/// Computes the weights of the sources of `block` against every target, tile by tile, and passes
+/// each row of weights to `reducer`. `tile` is scratch.
 pub(super) fn weigh_block<K: WeightKernel, R: Reducer>(
     rows: &DescriptorRows,
     block: Range<usize>,
@@ -208,7 +208,7 @@ impl<K: WeightKernel, R: Reducer> WithSimd for Dispatched<'_, K, R> {
 }
 
 impl<K> TilePass<'_, K> {
-    /// Squared distances of source `i`, in place of the products where there are any.
+    /// Writes the squared distances of source `i` over the products, if there are any.
     #[inline(always)]
     fn distances(&self, i: usize, d2: &mut [f32]) {
         if self.rows.dim >= PRODUCT_FROM {

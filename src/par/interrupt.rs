@@ -1,4 +1,4 @@
-//! Ending work from outside.
+//! Interruption of work from another thread.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 
-/// A request to end that one thread makes of work in others.
+/// A request by one thread to end work in others.
 ///
-/// Work sees it at the next step of a parallel loop, or at a [`checkpoint`], and unwinds from
-/// there, so that no function on the way needs to know of it. Nothing of a result depends on
-/// whether work could be interrupted.
+/// Work sees the request at the next step of a parallel loop, or at a [`checkpoint`], and unwinds
+/// from there, so that no function in between needs to know of it. Results do not depend on whether
+/// work could be interrupted.
 ///
 /// ```
 /// use cfreg::{Error, par};
@@ -25,32 +25,32 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
-/// What unwinds; it never leaves [`Interrupt::guard`].
+/// Payload of the unwinding; it never leaves [`Interrupt::guard`].
 struct InterruptUnwind;
 
 thread_local! {
-    /// Under which interrupt this thread works.
+    /// The interrupt under which this thread works.
     static CURRENT: RefCell<Option<Interrupt>> = const { RefCell::new(None) };
 }
 
 impl Interrupt {
-    /// Asks all work under this interrupt to end, now and in future.
+    /// Requests that all work under this interrupt ends, now and in future.
     pub fn request(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether that was asked for.
+    /// Returns whether an end was requested.
     pub fn is_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Runs `work` under this interrupt, instead of the one that the caller may be under.
+    /// Runs `work` under this interrupt, instead of the caller's interrupt if there is one.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when it was ended before it was done, be it by a
-    /// [`request`](Self::request) or by a [`stop`].
+    /// [`Error::Interrupted`] when `work` was ended early, by a [`request`](Self::request) or by a
+    /// [`stop`].
     pub fn guard<T>(&self, work: impl FnOnce() -> T) -> Result<T> {
-        // What `work` held when it was ended is dropped, and seen by nobody.
+        // Values that `work` owned when it was ended are dropped, and nobody sees them.
         let guarded = AssertUnwindSafe(|| {
             let _entered = enter(&Some(self.clone()));
             work()
@@ -61,18 +61,18 @@ impl Interrupt {
         })
     }
 
-    /// The interrupt under which the caller works, to be carried to other threads.
+    /// Returns the interrupt under which the caller works, to pass it to other threads.
     pub(super) fn current() -> Option<Interrupt> {
         CURRENT.with_borrow(Option::clone)
     }
 }
 
-/// This thread works under an interrupt as long as this is there.
+/// Guard: this thread works under an interrupt as long as the guard exists.
 pub(super) struct InterruptScope {
     before: Option<Interrupt>,
 }
 
-/// Goes on in this thread with work of another, under the interrupt of that one.
+/// Continues work of another thread in this thread, under the interrupt of that thread.
 pub(super) fn enter(interrupt: &Option<Interrupt>) -> InterruptScope {
     InterruptScope { before: CURRENT.replace(interrupt.clone()) }
 }
@@ -83,21 +83,21 @@ impl Drop for InterruptScope {
     }
 }
 
-/// Ends the work of this thread here if that was requested: for long stretches without a
-/// parallel loop.
+/// Ends the work of this thread here if an end was requested: for long stretches without a parallel
+/// loop.
 pub fn checkpoint() {
     if is_interrupt_requested() {
         stop();
     }
 }
 
-/// Whether this thread has been asked to end its work: for places that cannot unwind.
+/// Returns whether this thread has been asked to end its work: for code that cannot unwind.
 pub fn is_interrupt_requested() -> bool {
     CURRENT.with_borrow(|current| current.as_ref().is_some_and(Interrupt::is_requested))
 }
 
-/// Ends all work up to the [`guard`](Interrupt::guard) around it, from within: for weights
-/// that fail. Without a guard it is a panic without a message.
+/// Ends all work up to the enclosing [`guard`](Interrupt::guard), from within: for weights that
+/// fail. Without a guard it is a panic without a message.
 pub fn stop() -> ! {
     // Not a panic: no hook is called and nothing is printed.
     resume_unwind(Box::new(InterruptUnwind))
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
     use crate::par::{map, on_new_thread, with_threads};
 
-    /// Loops within loops, in several pools, for longer than any test may take.
+    /// Runs nested loops, in several pools, for longer than any test may take.
     fn endless(begun: &mpsc::Sender<()>) {
         let inner = |_: &mut (), _| {
             begun.send(()).unwrap();
@@ -141,7 +141,7 @@ mod tests {
         let nested = || other.guard(|| map(10, || (), |_, i| i)).unwrap();
         assert_eq!(nested().len(), 10);
         assert!(mine.guard(checkpoint).is_err() && other.guard(checkpoint).is_ok());
-        // Outside of a guard nobody asks for anything.
+        // Outside a guard nobody requests an end.
         checkpoint();
     }
 

@@ -43,12 +43,12 @@ pub fn in_pool() -> bool {
     rayon::current_thread_index().is_some()
 }
 
-/// Runs `work` with its parallel loops on one new thread, which has ended when this returns,
-/// so that nothing is left of what libraries keep for a thread: [`with_threads`] lets its
-/// threads end later. For measuring.
+/// Runs `work` with its parallel loops on one new thread, which has ended when this returns, so
+/// that no per-thread state of libraries remains: [`with_threads`] lets its threads end later. For
+/// measurements.
 ///
 /// # Errors
-/// [`Error::Config`] when the system gives no thread.
+/// [`Error::Config`] when the system cannot create a thread.
 pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     let refused = |error: &dyn std::fmt::Display| Error::config("threads", 1, error.to_string());
     let interrupt = Interrupt::current();
@@ -66,8 +66,8 @@ pub fn on_new_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     })
 }
 
-/// `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, which it
-/// may find used.
+/// Computes `[f(0), f(1), …, f(n − 1)]`; each call gets a scratch value made by `scratch`, possibly
+/// used before.
 pub fn map<S, T: Send>(
     n: usize,
     scratch: impl Fn() -> S + Sync,
@@ -82,10 +82,10 @@ pub fn map<S, T: Send>(
     (0..n).into_par_iter().map_init(begin, step).collect()
 }
 
-/// `[f(a), f(b)]`, at the same time where there are threads: for the two clouds of a pair.
+/// Computes `[f(a), f(b)]`, in parallel if there are threads: for the two clouds of a pair.
 ///
 /// # Errors
-/// That of the first that fails.
+/// The error of the first call that fails.
 pub fn join_pair<A: Send, T: Send, E: Send>(
     [a, b]: [A; 2],
     f: impl Fn(A) -> Result<T, E> + Sync,
@@ -100,8 +100,8 @@ pub fn join_pair<A: Send, T: Send, E: Send>(
     Ok([a?, b?])
 }
 
-/// `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a
-/// scratch value made by `scratch`, which it may find used.
+/// Computes `f` of `0..block`, `block..2·block`, … up to `n`, in order; each call gets a scratch
+/// value made by `scratch`, possibly used before.
 ///
 /// # Panics
 /// When `block` is 0.

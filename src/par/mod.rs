@@ -1,9 +1,9 @@
-//! Ordered parallel loops, and the way to stop them: the only place that spawns threads.
+//! Ordered parallel loops and their interruption: the only module that spawns threads.
 //!
-//! Work is cut at fixed places, results come back by index and whoever reduces
-//! them does so in index order, so that the number of threads never changes a bit.
-//! The loops run on the pool they are called from: [`with_threads`] chooses it. Whoever
-//! runs work under an [`Interrupt`] can end it from another thread.
+//! Work is cut at fixed positions, results are returned by index, and reductions run in index
+//! order, so that the number of threads never changes a bit. The loops run on the pool they are
+//! called from: [`with_threads`] chooses it. Work that runs under an [`Interrupt`] can be ended
+//! from another thread.
 
 mod interrupt;
 mod loops;

@@ -1,4 +1,4 @@
-//! Many pieces of work beside each other, each of them on one thread.
+//! Many pieces of work in parallel, each of them on one thread.
 
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError, mpsc};
@@ -11,13 +11,13 @@ use crate::error::{Error, Result};
 /// many as there are cores); the parallel loops within a call stay on its thread, also those
 /// [`with_threads`](super::with_threads) of another number: so many run beside each other already.
 ///
-/// The caller's thread gives `take` each result as it comes, in no fixed order, and `None` at
-/// least every `tick`. After a break no more items are begun; those begun are waited for, and
-/// their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
+/// The caller's thread passes each result to `take` when it is ready, in no fixed order, and `None`
+/// at least every `tick`. After a break no more items are started; items in progress are waited
+/// for, and their results dropped: end them by an [`Interrupt`](super::Interrupt) of your own.
 ///
 /// # Errors
-/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system does
-/// not give that many.
+/// [`Error::Config`] for more than [`MAX_THREADS`](super::MAX_THREADS), or when the system cannot
+/// create that many.
 ///
 /// # Panics
 /// When `work` does.
@@ -47,7 +47,7 @@ pub fn worker_pool<I: Send, T: Send>(
     let items = Mutex::new(Some(items));
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).as_mut()?.next();
     let end = || *items.lock().unwrap_or_else(PoisonError::into_inner) = None;
-    // A few results may wait, so that nobody stands still while one is written.
+    // A few results may wait, so that no worker idles while one is written.
     let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
     let worker = |give: mpsc::SyncSender<Result<T, String>>| {
         IS_WORKER.set(true);

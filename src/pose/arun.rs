@@ -19,8 +19,8 @@ pub(super) fn decompose(covariance: &Mat3) -> Result<Decomposition> {
     Ok(Decomposition { u: matrix(svd.U()), values, v: matrix(svd.V()) })
 }
 
-/// R = V Uᵀ; where that is a reflection, the last column of V changes its sign (the
-/// paper, below eq. 9).
+/// Computes R = V Uᵀ; if this is a reflection, the last column of V changes its sign (the paper,
+/// below eq. 9).
 pub(super) fn rotation(svd: &Decomposition) -> Mat3 {
     let mut v = svd.v;
     if math::determinant(&svd.u) * math::determinant(&v) < 0.0 {

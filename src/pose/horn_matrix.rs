@@ -3,12 +3,12 @@
 
 use crate::math::{self, Mat3};
 
-/// R = M (MᵀM)^(−½) with M = Σw q pᵀ, by the eigenvectors u₁, u₂, u₃ of MᵀM: it maps
-/// them to M u / √λ.
+/// Computes R = M (MᵀM)^(−½) with M = Σw q pᵀ, by the eigenvectors u₁, u₂, u₃ of MᵀM: R maps them
+/// to M u / √λ.
 ///
-/// The third image is the cross product of the first two instead of M u₃ / √λ₃: the same
-/// where det M > 0, the nearest rotation where M reflects, and still defined where M has
-/// rank two (the paper's planar case).
+/// The third image is the cross product of the first two instead of M u₃ / √λ₃. It is the same
+/// where det M > 0, gives the nearest rotation where M reflects, and is defined where M has rank
+/// two (the paper's planar case).
 pub(super) fn rotation(covariance: &Mat3) -> Mat3 {
     let m = math::transpose(covariance);
     let (_, vectors) = math::eigen::symmetric(&math::mat_mul(covariance, &m));

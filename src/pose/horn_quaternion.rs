@@ -4,12 +4,12 @@ use super::{largest_eigenvector, quaternion_matrix};
 use crate::error::Result;
 use crate::math::Mat3;
 
-/// The quaternion that maximises qᵀ N q, N from the sums of products S = Σw p qᵀ.
+/// Finds the quaternion that maximises qᵀ N q, N from the sums of products S = Σw p qᵀ.
 pub(super) fn rotation(s: &Mat3) -> Result<Mat3> {
     Ok(quaternion_matrix(largest_eigenvector(&product_form(s))?))
 }
 
-/// N with qᵀ N q = Σw q·R(q) p for unit quaternions `[w, x, y, z]`, from S = Σw p qᵀ.
+/// Returns N with qᵀ N q = Σw q·R(q) p for unit quaternions `[w, x, y, z]`, from S = Σw p qᵀ.
 pub(crate) fn product_form(s: &Mat3) -> [[f64; 4]; 4] {
     let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = *s;
     [

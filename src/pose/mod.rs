@@ -1,7 +1,7 @@
 //! Closed-form poses from [`Moments`]: the paper's four references, and scale.
 //!
-//! All minimise Σw ‖s R p + t − q‖² exactly and give the same answer; they differ in how
-//! the rotation is written: an SVD, a unit quaternion, an orthonormal matrix, a dual
+//! All minimise Σw ‖s R p + t − q‖² exactly and give the same pose. They differ in the
+//! representation of the rotation: an SVD, a unit quaternion, an orthonormal matrix, a dual
 //! quaternion.
 
 mod arun;
@@ -25,11 +25,11 @@ use crate::error::{Error, Result};
 use crate::math::{self, Mat3};
 use crate::moments::Moments;
 
-/// Singular values relative to the clouds' spread at or below this count as zero. The
-/// tiles' f32 rounding leaves less than 1e-9 where all weights are equal.
+/// Singular values relative to the clouds' spread at or below this count as zero. The tiles' f32
+/// rounding leaves less than 1e-9 if all weights are equal.
 pub const RANK_TOLERANCE: f64 = 1e-8;
 
-/// Which closed form solves for the rotation.
+/// Closed form that solves for the rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
@@ -46,29 +46,29 @@ pub enum Solver {
     Walker,
 }
 
-/// Whether and how scale is estimated.
+/// Estimation of the scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ScaleEstimate {
     /// The clouds have the same unit: scale 1.
     #[default]
     Fixed,
-    /// The least-squares scale (Umeyama 1991). On a full connection, where wrong pairs
-    /// average out, it shrinks towards 0: use it for weights that are nearly a matching.
+    /// The least-squares scale (Umeyama 1991). On a full connection, where wrong pairs average out,
+    /// it shrinks towards 0: use it for weights that are nearly one-to-one correspondences.
     Umeyama,
-    /// √(target variance / source variance) (Horn 1987): symmetric, swapping the clouds
-    /// gives the inverse; the one to use on a full connection.
+    /// √(target variance / source variance) (Horn 1987): symmetric, exchanging the clouds gives the
+    /// inverse. Use it on a full connection.
     Symmetric,
 }
 
-/// A pose, and how well the pairs determine it.
+/// A pose, and how well the pairs constrain it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {
     /// Source into target frame.
     pub transform: Transform,
-    /// Singular values of the weighted cross-covariance over the product of both weighted
-    /// standard deviations, in [0, 1], descending. 1 for the first where the pairs agree
-    /// perfectly along a line; the second says how far the rotation is determined.
+    /// Singular values of the weighted cross-covariance over the product of both weighted standard
+    /// deviations, in [0, 1], descending. The first is 1 if the pairs are perfectly consistent
+    /// along a line; the second measures how well the rotation is constrained.
     pub singular_values: [f64; 3],
 }
 
@@ -76,7 +76,7 @@ pub struct Solution {
 ///
 /// # Errors
 /// [`Error::Degenerate`] when fewer than two singular values exceed [`RANK_TOLERANCE`];
-/// [`Error::NoWeight`] and [`Error::NonFinite`] as [`Moments::centered`].
+/// [`Error::NoWeight`] and [`Error::NonFinite`] as for [`Moments::centered`].
 ///
 /// ```
 /// use cfreg::{moments::Moments, pose::{self, ScaleEstimate, Solver}};
@@ -92,13 +92,14 @@ pub fn solve(moments: &Moments, solver: Solver, scale: ScaleEstimate) -> Result<
     solve_with(moments, solver, scale, &Prior::default())
 }
 
-/// The same among the poses that `prior` allows, exactly the best of them.
+/// Solves for the best pose among the poses that `prior` allows, exactly.
 ///
-/// A known direction needs pairs on a line across it or more, a known rotation any.
+/// With a known direction, the pairs must extend along at least one line across it; with a known
+/// rotation, any pairs suffice.
 ///
 /// # Errors
-/// Those of [`solve`], of [`Prior::validate`], and [`Error::Config`] where its parts contradict
-/// each other.
+/// The errors of [`solve`], of [`Prior::validate`], and [`Error::Config`] where the parts of the
+/// prior contradict each other.
 pub fn solve_with(
     moments: &Moments,
     solver: Solver,
@@ -113,7 +114,7 @@ pub fn solve_with(
     if !placed && !known {
         return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
     }
-    // Without unit: the solvers' tolerances then hold for clouds of any size.
+    // Independent of the unit: the solvers' tolerances then apply to clouds of any size.
     let unit = if placed { spread } else { 1.0 };
     let covariance = centered.covariance.map(|row| math::scaled(row, 1.0 / unit));
     let svd = arun::decompose(&covariance)?;
@@ -142,7 +143,7 @@ pub fn solve_with(
         scale = scale.clamp(low, high);
     }
     if scale.is_nan() || scale <= 0.0 {
-        // Turned so far by the prior that the clouds would have to be mirrored.
+        // The prior rotates so far that the clouds would have to be mirrored.
         return Err(open());
     }
     let translation = match walkers {
@@ -155,7 +156,7 @@ pub fn solve_with(
     Ok(Solution { transform: Transform { rotation, translation, scale }, singular_values })
 }
 
-/// The scale for a rotation; `covariance` is relative to the clouds' spread.
+/// Estimates the scale for a rotation; `covariance` is relative to the clouds' spread.
 fn estimate_scale(
     estimate: ScaleEstimate,
     rotation: &Mat3,
@@ -221,7 +222,7 @@ impl FromStr for ScaleEstimate {
     }
 }
 
-/// The rotation matrix of the unit quaternion `[w, x, y, z]`.
+/// Converts the unit quaternion `[w, x, y, z]` to a rotation matrix.
 fn quaternion_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
     [
         [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -230,7 +231,7 @@ fn quaternion_matrix([w, x, y, z]: [f64; 4]) -> Mat3 {
     ]
 }
 
-/// Unit eigenvector of the largest eigenvalue of a symmetric 4×4 matrix.
+/// Finds the unit eigenvector of the largest eigenvalue of a symmetric 4×4 matrix.
 fn largest_eigenvector(matrix: &[[f64; 4]; 4]) -> Result<[f64; 4]> {
     let matrix = faer::Mat::from_fn(4, 4, |i, j| matrix[i][j]);
     let eigen = matrix

@@ -1,14 +1,14 @@
-//! The rotation nearest to a matrix that is nearly one.
+//! The rotation nearest to a matrix that is approximately a rotation.
 
 use crate::error::{Error, Result};
 use crate::math::{self, Mat3};
 
-/// How far a matrix may be from a rotation, as the Frobenius norm of the difference: float32 and five
-/// printed decimals stay below it, and the rotation that is taken instead is at most 0.006 degrees
-/// away. Chosen by hand.
+/// Maximum distance of a matrix from a rotation, as the Frobenius norm of the difference: float32
+/// and five printed decimals stay below it, and the nearest rotation differs by at most 0.006
+/// degrees. Chosen by hand.
 pub const MAX_ROTATION_ERROR: f64 = 1e-4;
 
-/// The rotation nearest to `matrix` in the Frobenius norm, and the norm of the difference.
+/// Finds the rotation nearest to `matrix` in the Frobenius norm, and the norm of the difference.
 ///
 /// ```
 /// let (rotation, error) = cfreg::pose::nearest_rotation(&[
@@ -23,7 +23,7 @@ pub const MAX_ROTATION_ERROR: f64 = 1e-4;
 ///
 /// # Errors
 /// [`Error::Config`] for entries that are not finite, for reflections, and where the difference is
-/// above [`MAX_ROTATION_ERROR`]; it says how large it is.
+/// above [`MAX_ROTATION_ERROR`]; the error reports the difference.
 pub fn nearest_rotation(matrix: &Mat3) -> Result<(Mat3, f64)> {
     let bad = |value: String, rule: &str| Err(Error::config("rotation", value, rule));
     if matrix.as_flattened().iter().any(|entry| !entry.is_finite()) {
@@ -55,8 +55,8 @@ pub fn nearest_rotation(matrix: &Mat3) -> Result<(Mat3, f64)> {
     Ok((rotation, error))
 }
 
-/// The orthogonal polar factor of a matrix of positive determinant, by Newton's iteration
-/// X ← (X + X⁻ᵀ) / 2; `None` where it does not settle.
+/// Computes the orthogonal polar factor of a matrix of positive determinant, by Newton's iteration
+/// X ← (X + X⁻ᵀ) / 2; `None` where it does not converge.
 fn polar(matrix: &Mat3) -> Option<Mat3> {
     let mut x = *matrix;
     for _ in 0..100 {
@@ -91,7 +91,7 @@ mod tests {
         let exact = Transform::from_rotation_vector([0.4, -1.1, 2.0]).rotation;
         let (same, error) = nearest_rotation(&exact).unwrap();
         assert!(error < 1e-15 && math::frobenius(&math::mat_sub(&same, &exact)) < 1e-15);
-        // A symmetric factor leaves the nearest rotation where it is.
+        // A symmetric factor does not change the nearest rotation.
         let stretch = [[1.00002, 1e-5, 0.0], [1e-5, 0.99998, -2e-5], [0.0, -2e-5, 1.00001]];
         let (found, error) = nearest_rotation(&math::mat_mul(&exact, &stretch)).unwrap();
         assert!(math::frobenius(&math::mat_sub(&found, &exact)) < 1e-14);

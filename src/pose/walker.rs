@@ -8,15 +8,15 @@ use crate::moments::Moments;
 
 type Mat4 = [[f64; 4]; 4];
 
-/// Rotation and translation together. With quaternions written (vector, scalar), Q(r) and
-/// W(r) the matrices of the products from the left and from the right:
+/// Solves for rotation and translation together. With quaternions written (vector, scalar), and
+/// Q(r) and W(r) the matrices of the products from the left and from the right:
 ///
 /// C₁ = −2 Σw Q(q)ᵀ W(p), C₂ = Σw I, C₃ = 2 Σw (W(p) − Q(q)); r is the eigenvector of the
 /// largest eigenvalue of A = ½ (C₃ᵀ (C₂ + C₂ᵀ)⁻¹ C₃ − C₁ − C₁ᵀ), s = −(C₂ + C₂ᵀ)⁻¹ C₃ r,
 /// and t = W(r)ᵀ s.
 pub(super) fn solve_pose(moments: &Moments) -> Result<(Mat3, Vec3)> {
-    // Means instead of sums, and lengths over the clouds' spread, so that no entry
-    // depends on the unit: Σw = 1.
+    // Means instead of sums, and lengths relative to the clouds' spread, so that no entry depends
+    // on the unit: Σw = 1.
     let spread = ((moments.source_squares + moments.target_squares) / moments.weight).sqrt();
     let mean = |sum: Vec3| math::scaled(sum, 1.0 / (moments.weight * spread));
     let (p, q) = (mean(moments.source_sum), mean(moments.target_sum));
@@ -47,7 +47,7 @@ pub(super) fn solve_pose(moments: &Moments) -> Result<(Mat3, Vec3)> {
     let [x, y, z, w] = r;
     let rotation = quaternion_matrix([w, x, y, z]);
     let [tx, ty, tz, _] = apply(&transpose(&right_quaternion_matrix(r)), s);
-    // From the sums' origins back into the clouds' frames.
+    // From the sums' origins to the clouds' frames.
     let about_origins = math::scaled([tx, ty, tz], spread);
     let turned = math::mat_vec(&rotation, moments.source_origin);
     Ok((rotation, math::sub(math::add(about_origins, moments.target_origin), turned)))
@@ -59,17 +59,17 @@ fn axis(k: usize) -> Vec3 {
     axis
 }
 
-/// Q of the quaternion (v, 0): [K(v), v; −vᵀ, 0].
+/// Returns Q of the quaternion (v, 0): [K(v), v; −vᵀ, 0].
 fn left_product_matrix([x, y, z]: Vec3) -> Mat4 {
     [[0.0, -z, y, x], [z, 0.0, -x, y], [-y, x, 0.0, z], [-x, -y, -z, 0.0]]
 }
 
-/// W of the quaternion (v, 0).
+/// Returns W of the quaternion (v, 0).
 fn right_product_matrix([x, y, z]: Vec3) -> Mat4 {
     right_quaternion_matrix([x, y, z, 0.0])
 }
 
-/// W of a quaternion (v, s): [s I − K(v), v; −vᵀ, s].
+/// Returns W of a quaternion (v, s): [s I − K(v), v; −vᵀ, s].
 fn right_quaternion_matrix([x, y, z, s]: [f64; 4]) -> Mat4 {
     [[s, z, -y, x], [-z, s, x, y], [y, -x, s, z], [-x, -y, -z, s]]
 }

@@ -2,24 +2,24 @@
 
 use std::ops::Range;
 
-/// Points a leaf; the last has the rest.
+/// Points a leaf; the last leaf has the rest. Chosen by hand.
 pub(super) const LEAF: usize = 32;
 
-/// Points in kd-order, every [`LEAF`] of them a leaf of the tree over them.
+/// Points in kd-order; every [`LEAF`] of them are a leaf of the tree over them.
 pub(super) struct Leaves {
     /// Index of each point in the cloud.
     pub(super) order: Vec<u32>,
     /// Coordinates in that order, one array an axis.
     pub(super) axes: [Vec<f32>; 3],
-    /// In preorder: a node's first child follows it.
+    /// Nodes in preorder: a node's first child follows it.
     nodes: Vec<Node>,
 }
 
 struct Node {
     extent: BoundingBox,
-    /// Which leaves are below it.
+    /// The leaves below this node.
     leaves: Range<u32>,
-    /// Where its second child is; 0 for a leaf.
+    /// Index of its second child; 0 for a leaf.
     second: u32,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct BoundingBox {
 }
 
 impl BoundingBox {
-    /// Of any points.
+    /// Returns the bounding box of any points.
     pub(super) fn from_points(points: impl Iterator<Item = [f32; 3]>) -> Self {
         let mut extent = BoundingBox { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
         for point in points {
@@ -43,8 +43,8 @@ impl BoundingBox {
         extent
     }
 
-    /// No point of the two boxes is nearer, also in the arithmetic of
-    /// [`squared_distance`]: every step of it is the same, and none decreases by rounding.
+    /// Returns a lower bound of the squared distance of two points of the boxes, also in the
+    /// arithmetic of [`squared_distance`]: every step is the same, and none decreases by rounding.
     fn squared_gap(&self, other: &BoundingBox) -> f32 {
         let gap = |a: usize| {
             let (below, above) = (other.low[a] - self.high[a], self.low[a] - other.high[a]);
@@ -54,13 +54,13 @@ impl BoundingBox {
         x * x + y * y + z * z
     }
 
-    /// No two points of the box are further apart.
+    /// Returns an upper bound of the squared distance of two points of the box.
     pub(super) fn squared_diagonal(&self) -> f32 {
         squared_distance(self.low, self.high)
     }
 }
 
-/// Squared distance of two points; the same bits for any vector width.
+/// Returns the squared distance of two points; the same bits for any vector width.
 #[inline(always)]
 pub(crate) fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -68,7 +68,7 @@ pub(crate) fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 impl Leaves {
-    /// Cuts `points`, which must be finite.
+    /// Builds the leaves of `points`, which must be finite.
     pub(super) fn new(points: &[[f32; 3]]) -> Self {
         let mut places: Vec<([f32; 3], u32)> =
             points.iter().enumerate().map(|(i, &point)| (point, i as u32)).collect();
@@ -81,23 +81,23 @@ impl Leaves {
         }
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub(super) fn len(&self) -> usize {
         self.order.len()
     }
 
-    /// The points of a leaf, by their places in the order.
+    /// Returns the points of a leaf, by their positions in the order.
     pub(super) fn places(&self, leaf: usize) -> Range<usize> {
         leaf * LEAF..((leaf + 1) * LEAF).min(self.len())
     }
 
-    /// The point at a place of the order.
+    /// Returns the point at a position of the order.
     pub(super) fn point(&self, place: usize) -> [f32; 3] {
         [0, 1, 2].map(|a| self.axes[a][place])
     }
 
-    /// The box of a leaf, and that of the smallest node around it with `count` points, or of
-    /// all.
+    /// Returns the box of a leaf, and the box of the smallest node around it with `count` points,
+    /// or of all points.
     pub(super) fn enclosing_boxes(&self, leaf: usize, count: usize) -> (BoundingBox, BoundingBox) {
         let (mut at, mut around) = (0, 0);
         while self.nodes[at].second != 0 {
@@ -114,8 +114,8 @@ impl Leaves {
 
     /// Lists, in order, the leaves that may have points within a squared distance of a box.
     ///
-    /// Of leaves that fill but one place, and the place of the box, no more are listed than
-    /// hold `enough` points: the first ones, whose indices are the lowest.
+    /// If leaves contain a single position, the same as the box, only as many are listed as have
+    /// `enough` points: the first ones, whose indices are the lowest.
     pub(super) fn leaves_within(
         &self,
         extent: &BoundingBox,
@@ -150,8 +150,8 @@ impl Leaves {
     }
 }
 
-/// Halves `places`, from the leaf `first` on, across their longest side until leaves are left;
-/// equal coordinates follow their index.
+/// Halves `places`, starting at the leaf `first`, across their longest side until leaves remain;
+/// equal coordinates are ordered by index.
 fn build_nodes(places: &mut [([f32; 3], u32)], first: u32, nodes: &mut Vec<Node>) {
     let extent = BoundingBox::from_points(places.iter().map(|place| place.0));
     let count = places.len().div_ceil(LEAF);

@@ -1,9 +1,10 @@
 //! Nearest neighbours in 3-D.
 //!
-//! Distances are Euclidean, squared where the name says so, between f32 positions that
-//! share an origin. Equal distances are ordered by index. [`SearchTree`] answers from any
-//! place; [`Neighbors`] finds those of all points of a cloud at once, which is faster;
-//! [`NearestDistances`] tells distances alone, [`OccupancyGrid`] what is too far to ask about.
+//! Distances are Euclidean, squared where the name says so, between f32 positions that share an
+//! origin. Equal distances are ordered by index. [`SearchTree`] takes queries at any position.
+//! [`Neighbors`] finds the neighbourhoods of all points of a cloud at once, which is faster.
+//! [`NearestDistances`] computes distances alone, and [`OccupancyGrid`] rejects positions that are
+//! too far to search.
 
 mod leaves;
 mod nearest;
@@ -25,13 +26,12 @@ pub use nearest_distances::NearestDistances;
 pub use occupancy_grid::OccupancyGrid;
 pub use tree::SearchTree;
 
-/// Which points around a point belong to its neighbourhood. The point itself is one of
-/// them, as in PCL and Open3D.
+/// Definition of the neighbourhood of a point. It includes the point itself, as in PCL and Open3D.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Neighborhood {
-    /// The k nearest points; all of them when the cloud has fewer. Does not change with
-    /// the unit, which makes descriptors scale-invariant (the paper's choice, k = 150).
+    /// The k nearest points; all of them when the cloud has fewer. Independent of the unit, which
+    /// makes descriptors scale-invariant (the paper's choice, k = 150).
     Nearest(usize),
     /// All points within a radius, in the unit of the coordinates.
     Radius(f64),
@@ -39,7 +39,7 @@ pub enum Neighborhood {
     Hybrid {
         /// Radius in the unit of the coordinates.
         radius: f64,
-        /// Most points that are taken, nearest first.
+        /// Maximum number of points, nearest first.
         max: usize,
     },
 }
@@ -78,10 +78,10 @@ impl fmt::Display for Neighborhood {
     }
 }
 
-/// A point found: its index and its squared distance.
+/// A neighbour: its index and its squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbor {
-    /// Index into the points that were searched.
+    /// Index into the searched points.
     pub index: u32,
     /// Squared distance to the query.
     pub squared_distance: f32,
@@ -89,20 +89,20 @@ pub struct Neighbor {
 
 /// The neighbourhood of every point of a cloud.
 pub struct Neighbors {
-    /// Whose row each is: points that are near each other follow each other.
+    /// The point of each row: points that are near each other follow each other.
     order: Vec<u32>,
     /// The row of each point.
     rows: Vec<u32>,
-    /// Where each row starts; one more entry than points.
+    /// Start of each row; one more entry than points.
     starts: Vec<usize>,
     all: Vec<u32>,
 }
 
 impl Neighbors {
-    /// Finds them. Memory is 4 bytes a neighbour, and 16 a point.
+    /// Finds the neighbourhoods. They take 4 bytes a neighbour, and 16 a point.
     ///
     /// # Errors
-    /// Those of [`Neighborhood::validate`] and [`SearchTree::new`].
+    /// The errors of [`Neighborhood::validate`] and [`SearchTree::new`].
     pub fn find(points: &[[f32; 3]], neighborhood: Neighborhood) -> Result<Self> {
         neighborhood.validate()?;
         let n = points.len();
@@ -135,18 +135,18 @@ impl Neighbors {
         Ok(Neighbors { rows: order.clone(), order, starts, all: found.concat() })
     }
 
-    /// Number of points that have a neighbourhood.
+    /// Returns the number of points that have a neighbourhood.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether there is none.
+    /// Returns whether there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The neighbourhood of point `i`, itself included, by index, in an order that is the same for all
-    /// points: sums over the same neighbours are then the same bits.
+    /// Returns the neighbourhood of point `i`, including itself, by index, in an order that is the
+    /// same for all points: sums over the same neighbours then have the same bits.
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
@@ -155,7 +155,7 @@ impl Neighbors {
         &self.all[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// Where point `i` stands in [`order`](Self::order).
+    /// Returns the position of point `i` in [`order`](Self::order).
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
@@ -163,17 +163,18 @@ impl Neighbors {
         self.rows[i] as usize
     }
 
-    /// The points in an order in which those near each other follow each other: work on them
-    /// in turn finds the neighbours at hand.
+    /// Returns the points in an order in which neighbours follow each other: work in this order
+    /// finds the neighbours in the cache.
     pub fn order(&self) -> &[u32] {
         &self.order
     }
 }
 
-/// Most neighbours that are held for a cloud by radius: 2 GB of them.
+/// Maximum number of neighbours of a cloud by radius: they take 2 GB.
 const MAX_NEIGHBORS: usize = 500_000_000;
 
-/// Refuses a radius that would hold the cloud squared, judged by a hundred of its points.
+/// Refuses a radius whose neighbourhoods approach the cloud squared, estimated from a hundred of
+/// its points.
 pub(crate) fn check_neighbor_memory(
     tree: &SearchTree,
     points: &[[f32; 3]],
@@ -194,11 +195,11 @@ pub(crate) fn check_neighbor_memory(
     Err(Error::config("radius", radius, rule))
 }
 
-/// Median distance from a place to the nearest other place with a point: the resolution
-/// of a cloud. Points in the same place count once. 0 for fewer than two places.
+/// Computes the resolution of a cloud: the median distance from a position to the nearest other
+/// position with a point. Points at the same position count once. 0 for fewer than two positions.
 ///
 /// # Errors
-/// Those of [`SearchTree::new`], but none for an empty cloud.
+/// The errors of [`SearchTree::new`], but none for an empty cloud.
 pub fn resolution(points: &[[f32; 3]]) -> Result<f64> {
     let mut places = points.to_vec();
     // Adding zero turns -0 into 0.
@@ -244,7 +245,7 @@ mod tests {
             for (a, b) in distances(&found).iter().zip(distances(&want)) {
                 prop_assert!((a - b).abs() <= 1e-5 * b.max(1.0));
             }
-            // All at once, and to the bit: of equal distances the lowest indices.
+            // All at once, and to the bit: among equal distances the lowest indices.
             let all = Neighbors::find(&points, Neighborhood::Nearest(k)).unwrap();
             for (i, point) in points.iter().enumerate() {
                 let found = sort_by_distance(all.indices(i).iter().map(|&j| (j, squared_distance(*point, points[j as usize]))));
@@ -269,13 +270,13 @@ mod tests {
 
     #[test]
     fn many_points_may_share_a_coordinate() {
-        // More than a leaf of the tree holds: some trees cannot split these.
+        // More than a leaf of the tree can have: some trees cannot split these.
         let line: Vec<[f32; 3]> = (0..500).map(|i| [1.0, 2.0, i as f32]).collect();
         let same = vec![[1.0, 2.0, 3.0]; 500];
         for points in [line, same] {
             let neighbors = Neighbors::find(&points, Neighborhood::Nearest(40)).unwrap();
             assert!((0..500).all(|i| neighbors.indices(i).len() == 40));
-            // The point itself, or another one in its place.
+            // The point itself, or another one at its position.
             assert!(neighbors.indices(7).iter().any(|&j| points[j as usize] == points[7]));
         }
     }

@@ -1,23 +1,24 @@
 //! The k nearest points of every point of a cloud, many at a time.
 //!
-//! The points of a leaf have nearly the same neighbours. So the tree is walked once a leaf,
-//! for all points within reach of its box, and each of its points is compared with all
-//! of these: plain loops over arrays, which become vector code. The k-th distance is found by
-//! counting, not by sorting.
+//! The points of a leaf have nearly the same neighbours. So the tree is traversed once a leaf, for
+//! all points within reach of its box, and each point of the leaf is compared with all of these:
+//! plain loops over arrays, which become vector code. The k-th distance is found by counting, not
+//! by sorting.
 
 use pulp::{Simd, WithSimd};
 
 use super::leaves::{LEAF, Leaves, squared_distance};
 use crate::par;
 
-/// Leaves a task of the parallel loop: the reach that one needed is a guess for the next.
+/// Leaves a task of the parallel loop: the radius needed by one is the estimate for the next.
+/// Chosen by hand.
 const LEAVES_PER_TASK: usize = 16;
-/// How much further than the last leaf needed the next one looks: less has to be looked
-/// for again too often, more finds too much.
+/// Factor of the search radius over the radius needed by the last leaf: a smaller factor repeats
+/// too many searches, a larger one finds too many points. Chosen by hand.
 const RADIUS_MARGIN: f32 = 1.25;
 
-/// The indices of the `k` nearest of every point, `k` from 1 to their number, row after row in the
-/// order of `leaves`; within a row too. Of equal distances those of lower index are taken.
+/// Finds the indices of the `k` nearest of every point, `k` from 1 to their number, row after row
+/// in the order of `leaves`; within a row too. Among equal distances the lower indices are taken.
 pub(super) fn k_nearest_of_all(leaves: &Leaves, k: usize) -> Vec<u32> {
     let mut rows = vec![0; leaves.len() * k];
     let arch = pulp::Arch::new();
@@ -41,18 +42,18 @@ struct QueryScratch {
     /// Leaves within reach.
     listed: Vec<u32>,
     stack: Vec<u32>,
-    /// Squared distances from one point to all of theirs.
+    /// Squared distances from one point to all points of these leaves.
     distances: Vec<f32>,
     ties: Vec<u32>,
     row: Vec<u32>,
 }
 
-/// The rows of a leaf; the answer is how far they reach, squared.
+/// Computes the rows of a leaf; the result is the squared radius that they need.
 struct LeafQuery<'a> {
     leaves: &'a Leaves,
     leaf: usize,
     k: usize,
-    /// Squared distance to try first.
+    /// Squared radius to try first.
     reach: f32,
     scratch: &'a mut QueryScratch,
     rows: &'a mut [u32],
@@ -68,7 +69,8 @@ impl WithSimd for LeafQuery<'_> {
         {
             return used;
         }
-        // The ball around one point that holds k, widened by the leaf, holds k around each.
+        // The ball around one point that contains k, widened by the leaf, contains k around each
+        // point.
         let (extent, around) = leaves.enclosing_boxes(leaf, k);
         let (own, sure) = (extent.squared_diagonal(), around.squared_diagonal());
         let one = &mut rows[..k];
@@ -80,8 +82,8 @@ impl WithSimd for LeafQuery<'_> {
     }
 }
 
-/// As many rows of a leaf as `rows` has room for, from the points within a squared `reach`;
-/// `None` where that is too few. The answer is the largest squared distance.
+/// Fills as many rows of a leaf as `rows` has room for, from the points within a squared `reach`;
+/// `None` if there are too few. The result is the largest squared distance.
 #[inline(always)]
 fn fill_rows_within(
     leaves: &Leaves,
@@ -120,13 +122,13 @@ fn fill_rows_within(
         let furthest = f32::from_bits((last >> 32) as u32);
         let mut count = 0;
         for (&near, distances) in listed.iter().zip(distances.chunks(LEAF)) {
-            // A sum of whole numbers is vector code, a least float is not.
+            // A sum of integers becomes vector code, a minimum of floats does not.
             if distances.iter().map(|&d| u32::from(d <= furthest)).sum::<u32>() == 0 {
                 continue;
             }
             let range = leaves.places(near as usize);
             for (&index, &squared_distance) in leaves.order[range].iter().zip(distances) {
-                // Written in any case, and kept or not: a branch here would be a guess each time.
+                // Written in any case, and kept or not: a branch here would be mispredicted often.
                 row[count] = index;
                 count += usize::from(key(squared_distance, index) <= last);
             }
@@ -137,24 +139,24 @@ fn fill_rows_within(
     Some(used)
 }
 
-/// A number by which points are in order of their distance, then of their index: the bits of
-/// floats that are not negative grow with them.
+/// Returns a key that orders points by distance, then by index: the bits of non-negative floats
+/// grow with them.
 #[inline(always)]
 fn key(squared_distance: f32, index: u32) -> u64 {
     u64::from(squared_distance.to_bits()) << 32 | u64::from(index)
 }
 
-/// What is among the k nearest: all up to `below`, and so many `ties` at `above`.
+/// Threshold of the k nearest: all up to `below`, and `ties` many at `above`.
 struct KthDistance {
     below: f32,
     above: f32,
     ties: usize,
 }
 
-/// Where the `k` smallest of `values`, which are not negative, end, if that is at most `reach`.
+/// Finds the limit of the `k` smallest of the non-negative `values`, if it is at most `reach`.
 ///
-/// Counts grow evenly with the squared distance on a surface, so a straight line between
-/// two counts leads near; halving the bits between them ends the search in any case.
+/// On a surface counts grow evenly with the squared distance, so linear interpolation between two
+/// counts gives a close estimate; halving the bits between them ends the search in any case.
 #[inline(always)]
 fn kth_smallest(values: &[f32], k: usize, reach: f32) -> Option<KthDistance> {
     let count = |limit: f32| values.iter().map(|&d| u32::from(d <= limit)).sum::<u32>() as usize;

@@ -1,4 +1,4 @@
-//! How near the points of a cloud are to any places: distances alone, up to a limit.
+//! Distances from any positions to the nearest point of a cloud, up to a limit.
 
 use std::ops::Range;
 
@@ -11,29 +11,29 @@ use crate::par;
 
 const LANES: usize = 16;
 
-/// Tells the distance to the nearest point of a cloud.
+/// Computes the distance to the nearest point of a cloud.
 pub struct NearestDistances(Leaves);
 
 impl NearestDistances {
-    /// To `points`.
+    /// Creates the index of `points`.
     ///
     /// # Errors
-    /// Those of [`SearchTree::new`](super::SearchTree::new).
+    /// The errors of [`SearchTree::new`](super::SearchTree::new).
     pub fn new(points: &[[f32; 3]]) -> Result<Self> {
         tree::check(points)?;
         Ok(NearestDistances(Leaves::new(points)))
     }
 
-    /// The points, in an order in which those near each other follow each other.
+    /// Returns the points, in an order in which neighbours follow each other.
     pub fn points(&self) -> impl Iterator<Item = [f32; 3]> {
         (0..self.0.len()).map(|place| self.0.point(place))
     }
 
-    /// Squared distance from each of `places` to the nearest point; infinite where that is more
-    /// than `limit`, squared too.
+    /// Computes the squared distance from each of `places` to the nearest point; infinite if it
+    /// exceeds the squared `limit`.
     ///
-    /// Fast where places that follow each other are near each other, as [`points`](Self::points)
-    /// are: what is far from all of them is left out together.
+    /// Fast if consecutive positions are near each other, like [`points`](Self::points): points
+    /// that are far from all of them are skipped together.
     pub fn squared_distances(&self, places: &[[f32; 3]], limit: f32) -> Vec<f32> {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
@@ -50,15 +50,15 @@ impl NearestDistances {
         par::map_blocks(places.len(), LEAF, Default::default, task).concat()
     }
 
-    /// Squared distance from each of [`points`](Self::points) to the nearest other one; infinite
-    /// where there is none.
+    /// Computes the squared distance from each of [`points`](Self::points) to the nearest other
+    /// one; infinite if there is none.
     pub(super) fn squared_distances_to_others(&self) -> Vec<f32> {
         let arch = pulp::Arch::new();
         let task = |(listed, stack): &mut (Vec<u32>, Vec<u32>), block: Range<usize>| {
             let leaf = (block.start / LEAF) as u32;
             let places: Vec<[f32; 3]> = block.map(|place| self.0.point(place)).collect();
             let mut nearest = arch.dispatch(DistancesWithinLeaf(&places));
-            // What is nearer than in the leaf itself.
+            // Search for points nearer than those of the leaf itself.
             let limit = nearest.iter().fold(0.0f32, |a, &b| a.max(b));
             self.0.leaves_within(
                 &BoundingBox::from_points(places.iter().copied()),
@@ -77,7 +77,7 @@ impl NearestDistances {
     }
 }
 
-/// Of each place, to the nearest of the others.
+/// Distance of each position to the nearest of the others.
 struct DistancesWithinLeaf<'a>(&'a [[f32; 3]]);
 
 impl WithSimd for DistancesWithinLeaf<'_> {
@@ -86,7 +86,7 @@ impl WithSimd for DistancesWithinLeaf<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
         let places = self.0;
-        // Places that are not there are in no distance.
+        // Missing positions have no finite distance.
         let [mut x, mut y, mut z] = [[f32::NAN; LEAF]; 3];
         for (k, &place) in places.iter().enumerate() {
             [x[k], y[k], z[k]] = place;
@@ -109,7 +109,7 @@ impl WithSimd for DistancesWithinLeaf<'_> {
     }
 }
 
-/// Of each place, to the points of the leaves that are listed.
+/// Distance of each position to the points of the listed leaves.
 struct DistancesToLeaves<'a> {
     leaves: &'a Leaves,
     listed: &'a [u32],

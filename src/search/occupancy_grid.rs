@@ -1,32 +1,32 @@
-//! Which places may be near a cloud: a bit a cube, where a search of the tree takes a walk.
+//! Fast test for positions near a cloud: a bit a cube, instead of a traversal of the tree.
 
 use std::ops::Range;
 
-/// Most cubes; a cloud that has more of them about it has every place near.
+/// Maximum number of cubes, 2 MiB of bits; a cloud that needs more counts as near every position.
 const MAX_CELLS: f64 = (1 << 24) as f64;
 
-/// The cubes that hold a point of a cloud, and those around them.
+/// The cubes that contain a point of a cloud, and the cubes around them.
 pub struct OccupancyGrid {
     low: [f64; 3],
     cell_size: f64,
-    /// Cubes along each axis; 0 where they are too many.
+    /// Cubes along each axis; 0 if there are too many.
     size: [usize; 3],
     bits: Vec<u64>,
 }
 
 impl OccupancyGrid {
-    /// Bytes that it takes.
+    /// Returns the memory use in bytes.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&self.bits[..])
     }
 
-    /// Of `points`, as far as `reach` above 0, the side of the cubes.
+    /// Builds the grid of `points` for the distance `reach` above 0, the side of the cubes.
     pub fn new(points: &[[f32; 3]], reach: f64) -> Self {
         let fold = |pick: fn(f32, f32) -> f32, from: f32| {
             points.iter().fold([from; 3], |sum, p| [0, 1, 2].map(|a| pick(sum[a], p[a])))
         };
         let (low, high) = (fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY));
-        // Distances in f32 are off by less.
+        // The rounding of distances in f32 is smaller.
         let reach = 1.0001 * reach;
         let low = low.map(|x| f64::from(x) - 1.5 * reach);
         let cubes =
@@ -54,7 +54,7 @@ impl OccupancyGrid {
         vicinity
     }
 
-    /// False only where no point is within reach.
+    /// Returns false only if no point is within reach.
     pub fn may_contain(&self, place: &[f32; 3]) -> bool {
         if self.bits.is_empty() {
             return true;
@@ -107,7 +107,7 @@ mod tests {
                     && !vicinity.may_contain(&[50.0, 0.0, far])
             );
         }
-        // Few points in many cubes: nothing is told.
+        // Few points in many cubes: every position counts as near.
         let sparse = OccupancyGrid::new(&[[0.0; 3], [1e9; 3]], 1.0);
         assert!(sparse.may_contain(&[50.0; 3]) && sparse.bits.is_empty());
     }

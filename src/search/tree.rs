@@ -1,4 +1,4 @@
-//! A tree to be asked from any place: the only file that names kiddo.
+//! A tree for queries at any position: the only file that uses kiddo.
 
 use std::num::NonZero;
 
@@ -20,27 +20,27 @@ impl SearchTree {
     /// [`Error::TooFewPoints`] without points, [`Error::NonFinite`] for a NaN or infinite
     /// coordinate, [`Error::Config`] for more points than 32-bit indices can count.
     pub fn new(points: &[[f32; 3]]) -> Result<Self> {
-        // The tree takes NaN without a word and then answers wrongly.
+        // The tree accepts NaN silently and then gives wrong results.
         check(points)?;
         let tree = ImmutableKdTree::new_from_slice(points)
             .map_err(|error| Error::config("points", points.len(), error.to_string()))?;
         Ok(SearchTree { tree, len: points.len() })
     }
 
-    /// The nearest point.
+    /// Finds the nearest point.
     pub fn nearest(&self, query: &[f32; 3]) -> Neighbor {
         let found = self.tree.query(query).nearest_one::<SquaredEuclidean<f32>>().execute();
         Neighbor { index: found.item, squared_distance: found.distance }
     }
 
-    /// The k nearest points, nearest first; all points when there are fewer.
+    /// Finds the k nearest points, nearest first; all points when there are fewer.
     pub fn k_nearest(&self, query: &[f32; 3], k: usize) -> Vec<Neighbor> {
         let Some(k) = NonZero::new(k.min(self.len)) else { return Vec::new() };
         let found = self.tree.query(query).nearest_n::<SquaredEuclidean<f32>>(k).execute();
         sort_by_distance(found.iter().map(|f| (f.item, f.distance)))
     }
 
-    /// All points at most `radius` away, nearest first.
+    /// Finds all points at most `radius` away, nearest first.
     pub fn within(&self, query: &[f32; 3], radius: f64) -> Vec<Neighbor> {
         let squared = (radius * radius) as f32;
         let found = self.tree.query(query).within::<SquaredEuclidean<f32>>(squared).execute();

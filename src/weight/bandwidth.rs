@@ -1,4 +1,4 @@
-//! How wide a kernel is.
+//! Kernel bandwidth.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::check_beta;
 use crate::error::{Error, Result};
 
-/// Squared bandwidth β of a kernel, or how it follows from the descriptors.
+/// Squared bandwidth β of a kernel, or the rule that derives it from the descriptors.
 ///
-/// Written as a number, `auto` or `auto:SHARE`; a number is a number in JSON too.
+/// Written as a number, `auto` or `auto:SHARE`; in JSON a number stays a number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(into = "BandwidthRepr", try_from = "BandwidthRepr")]
 pub enum Bandwidth {
@@ -24,13 +24,13 @@ pub enum Bandwidth {
 }
 
 impl Bandwidth {
-    /// Share of a plain `auto`.
+    /// Default share of `auto`.
     pub const DEFAULT_SHARE: f64 = 0.25;
 
-    /// Refuses what weights cannot be computed with.
+    /// Refuses bandwidths that weights cannot be computed with.
     ///
     /// # Errors
-    /// Those of [`check_beta`]; [`Error::Config`] for a share outside (0, 100].
+    /// The errors of [`check_beta`]; [`Error::Config`] for a share outside (0, 100].
     pub fn validate(self) -> Result<()> {
         match self {
             Bandwidth::Fixed(beta) => check_beta(beta),
@@ -63,7 +63,7 @@ impl FromStr for Bandwidth {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        // What is not finite would be lost in JSON.
+        // JSON cannot represent non-finite numbers.
         let number = |text: &str| {
             let number = text.parse().ok().filter(|number: &f64| number.is_finite());
             let rule = "must be a number, auto or auto:SHARE";
@@ -77,7 +77,7 @@ impl FromStr for Bandwidth {
     }
 }
 
-/// As it stands in JSON.
+/// The JSON representation.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged, expecting = "must be a number, \"auto\" or \"auto:SHARE\"")]
 enum BandwidthRepr {

@@ -1,4 +1,4 @@
-//! Kernels put together.
+//! Sums and products of kernels.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,10 +6,10 @@ use super::kernel::WeightKernel;
 use super::{Bandwidth, KernelVisitor, WeightScheme};
 use crate::error::{Error, Result};
 
-/// Kernels of the catalogue, each with a bandwidth of its own, added and multiplied.
+/// Kernels of the catalogue, each with its own bandwidth, added and multiplied.
 ///
-/// A sum lets several scales speak (`0.7·gaussian(50) + 0.3·cauchy(400)` has a sharp peak and
-/// long tails), a product cuts one kernel off by another. In JSON
+/// A sum combines several scales (`0.7·gaussian(50) + 0.3·cauchy(400)` has a sharp peak and long
+/// tails), a product limits one kernel by another. In JSON
 /// `{"sum": [{"kernel": "gaussian", "beta": 50}, {"times": [0.3, ...]}]}`.
 ///
 /// ```
@@ -26,9 +26,9 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Composite {
-    /// The sum of all; 0 of none.
+    /// The sum of all; 0 if empty.
     Sum(Vec<Composite>),
-    /// The product of all; 1 of none.
+    /// The product of all; 1 if empty.
     Product(Vec<Composite>),
     /// A factor, finite and not negative, times a kernel.
     Times(f32, Box<Composite>),
@@ -42,14 +42,14 @@ pub enum Composite {
     },
 }
 
-/// A composite whose bandwidths are numbers: a kernel.
+/// A composite with numeric bandwidths: a kernel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedComposite {
-    /// In postfix order.
+    /// Operations in postfix order.
     steps: Vec<StackOperation>,
 }
 
-/// What happens next to a stack of weights.
+/// An operation on a stack of weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum StackOperation {
     Push(WeightScheme, f64),
@@ -60,21 +60,21 @@ enum StackOperation {
     Multiply,
 }
 
-/// Most weights of a distance that are kept at once: sums within products within sums.
+/// Maximum number of weights on the stack for a distance: sums within products within sums.
 const DEPTH: usize = 16;
-/// Distances that are weighed at once.
+/// Number of distances evaluated at once.
 const CHUNK: usize = 64;
 
 impl Composite {
-    /// A kernel of the catalogue.
+    /// Creates a kernel of the catalogue.
     pub fn kernel(kernel: WeightScheme, beta: Bandwidth) -> Self {
         Composite::Kernel { kernel, beta }
     }
 
-    /// The kernel that this is with the squared bandwidths that `beta` gives.
+    /// Resolves the squared bandwidths by `beta` and returns the kernel.
     ///
     /// # Errors
-    /// Those of `beta` and of [`WeightScheme::weight`]; [`Error::Config`] for a factor that is
+    /// The errors of `beta` and of [`WeightScheme::weight`]; [`Error::Config`] for a factor that is
     /// negative or not finite, and for nesting deeper than 16.
     pub fn resolve<B: Into<Bandwidth>>(
         &self,
@@ -118,7 +118,7 @@ impl Composite {
             Composite::Product(parts) => (parts, 1.0, StackOperation::Multiply),
         };
         for (at, part) in parts.iter().enumerate() {
-            // What was found before waits below.
+            // Previous results are below on the stack.
             part.compile(beta, steps, depth + at.min(1))?;
             steps.extend((at > 0).then_some(join));
         }

@@ -17,11 +17,11 @@
 
 use crate::math::fast;
 
-/// Weight of a connection from its squared descriptor distance.
+/// Weight of a connection as a function of its squared descriptor distance.
 ///
-/// Weights must be finite, which [`moments`](crate::moments) checks, and not negative,
-/// which it does not. f32 sums and squares them: keep the large ones between 1e-25 and
-/// 1e8. Any closure is a kernel:
+/// Weights must be finite, which [`moments`](crate::moments) checks, and not negative, which is not
+/// checked. They are summed and squared in f32: keep the large ones between 1e-25 and 1e8. Any
+/// closure is a kernel:
 ///
 /// ```
 /// use cfreg::weight::WeightKernel;
@@ -29,11 +29,11 @@ use crate::math::fast;
 /// assert_eq!(step.weight(60.0), 0.1);
 /// ```
 pub trait WeightKernel: Sync {
-    /// Weight at the squared distance `d2 ≥ 0`.
+    /// Returns the weight at the squared distance `d2 ≥ 0`.
     fn weight(&self, d2: f32) -> f32;
 
-    /// Replaces every squared distance by its weight. It is called inside a SIMD
-    /// dispatch: a `weight` without branches, marked `#[inline(always)]`, vectorises.
+    /// Replaces every squared distance by its weight. The call is inside a SIMD dispatch: a
+    /// `weight` without branches, marked `#[inline(always)]`, vectorises.
     #[inline(always)]
     fn fill(&self, d2: &mut [f32]) {
         for value in d2 {
@@ -41,14 +41,14 @@ pub trait WeightKernel: Sync {
         }
     }
 
-    /// Whether [`fill_tile`](Self::fill_tile) is to be asked, with many rows at once: for
-    /// kernels that a call costs dear, as one in another language.
+    /// Returns whether passes call [`fill_tile`](Self::fill_tile), with many rows at once: for
+    /// kernels with expensive calls, such as one in another language.
     #[inline(always)]
     fn takes_tiles(&self) -> bool {
         false
     }
 
-    /// [`fill`](Self::fill) of rows of `width` squared distances, one source point each.
+    /// Applies [`fill`](Self::fill) to rows of `width` squared distances, one source point each.
     fn fill_tile(&self, d2: &mut [f32], width: usize) {
         d2.chunks_exact_mut(width).for_each(|row| self.fill(row));
     }
@@ -121,7 +121,7 @@ impl WeightKernel for GemanMcClure {
 /// 1 up to `d² = β`, 0 beyond.
 #[derive(Debug, Clone, Copy)]
 pub struct TruncatedQuadratic {
-    /// Largest squared distance that still connects, β > 0.
+    /// Largest squared distance of a connection with weight, β > 0.
     pub beta: f32,
 }
 
@@ -152,7 +152,7 @@ impl WeightKernel for StudentT {
 /// `(1 − d²/β)²` up to `d² = β`, 0 beyond: Tukey's biweight.
 #[derive(Debug, Clone, Copy)]
 pub struct Tukey {
-    /// Squared distance from which on nothing connects, β > 0.
+    /// Squared distance from which on the weight is 0, β > 0.
     pub beta: f32,
 }
 
@@ -164,8 +164,8 @@ impl WeightKernel for Tukey {
     }
 }
 
-/// 1 for every connection: the unweighted problem of which the paper says that it
-/// degenerates. Useful as the control of a study.
+/// 1 for every connection: the unweighted problem, which is degenerate according to the paper.
+/// Useful as the control of a study.
 #[derive(Debug, Clone, Copy)]
 pub struct Uniform;
 

@@ -1,9 +1,9 @@
 //! Weights of connections: kernels of the squared descriptor distance, and
 //! normalisations of the full connection.
 //!
-//! A [`WeightKernel`] is open: any `Fn(f32) -> f32 + Sync` is one. The closed
-//! catalogue [`WeightScheme`] is what configurations, `--weights` and Python name, and
-//! [`Composite`] adds and multiplies kernels of it.
+//! A [`WeightKernel`] is open: any `Fn(f32) -> f32 + Sync` is one. Configurations, `--weights` and
+//! Python use the names of the closed catalogue [`WeightScheme`], and [`Composite`] adds and
+//! multiplies its kernels.
 
 mod bandwidth;
 mod composite;

@@ -1,4 +1,4 @@
-//! How the full connection is normalised.
+//! Normalisation of the full connection.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,33 +9,33 @@ use crate::error::{Error, Result};
 
 /// Normalisation of the full connection's weights `w_ij` (source i, target j).
 ///
-/// All need only row and column sums of W, so W is never stored. A row or column
-/// whose weights all underflow to zero stays zero: that point connects to nothing.
-/// Written `none`, `source`, `target`, `both`, `sinkhorn:N`.
+/// All need only row and column sums of W, so W is never stored. A row or column whose weights all
+/// underflow to zero stays zero: that point connects to nothing. Written `none`, `source`,
+/// `target`, `both`, `sinkhorn:N`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Normalization {
-    /// `w_ij` as it is: the paper's full connection.
+    /// `w_ij` unchanged: the paper's full connection.
     #[default]
     None,
-    /// `w_ij / Σ_j w_ij`: every source point speaks with one voice (softmax over
-    /// targets). Helps where repeated structure gives some points many look-alikes.
+    /// `w_ij / Σ_j w_ij`: every source point has total weight one (softmax over targets). Helps
+    /// where repeated structure gives some points many similar ones.
     Source,
-    /// `w_ij / Σ_i w_ij`: every target point speaks with one voice.
+    /// `w_ij / Σ_i w_ij`: every target point has total weight one.
     Target,
-    /// `w_ij² / (Σ_j w_ij · Σ_i w_ij)`: both at once (dual softmax); only connections
-    /// that each side prefers survive.
+    /// `w_ij² / (Σ_j w_ij · Σ_i w_ij)`: both at once (dual softmax); only connections that each
+    /// side prefers keep their weight.
     Both,
     /// `n` rounds of Sinkhorn-Knopp (1967): rows scaled to sum 1/N, then columns to
     /// sum 1/M. Costs two passes a round. Ends on the columns.
     Sinkhorn(u32),
 }
 
-/// Most rounds of [`Normalization::Sinkhorn`]: two passes each.
+/// Maximum number of rounds of [`Normalization::Sinkhorn`], with two passes each. Chosen by hand.
 const MAX_SINKHORN_ROUNDS: u32 = 1000;
 
 impl Normalization {
-    /// The names `--normalize` takes.
+    /// Names accepted by `--normalize`.
     pub const NAMES: [&'static str; 5] = ["none", "source", "target", "both", "sinkhorn:N"];
 }
 

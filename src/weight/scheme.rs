@@ -11,14 +11,14 @@ use super::kernel::{
 };
 use crate::error::{Error, Result};
 
-/// The kernels that have a name; see [`super`] for their formulas.
+/// The named kernels; see [`super`] for their formulas.
 ///
 /// Written `gaussian`, `laplacian`, `cauchy`, `geman-mcclure`, `truncated`,
 /// `student-t:NU`, `tukey`, `uniform`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum WeightScheme {
-    /// [`Gaussian`], the paper's.
+    /// [`Gaussian`], the paper's kernel.
     #[default]
     Gaussian,
     /// [`Laplacian`].
@@ -35,24 +35,24 @@ pub enum WeightScheme {
     Tukey,
     /// [`Uniform`].
     Uniform,
-    /// Of no name: a function that was handed over beside the configuration, which only
+    /// A function without a name that was passed beside the configuration; the configuration only
     /// records that there was one.
     Custom,
 }
 
-/// Something to be done with a kernel whose type is known only at run time.
+/// An operation on a kernel whose type is known only at run time.
 pub trait KernelVisitor {
-    /// What comes of it.
+    /// The result of the operation.
     type Output;
-    /// Does it.
+    /// Performs the operation.
     fn visit<K: WeightKernel>(self, kernel: K) -> Self::Output;
 }
 
 impl WeightScheme {
-    /// Degrees of freedom of a plain `student-t`.
+    /// Default degrees of freedom of `student-t`.
     pub const DEFAULT_NU: f32 = 5.0;
 
-    /// Every kernel, a Student's t with its plain degrees of freedom.
+    /// Every kernel, Student's t with its default degrees of freedom.
     pub const ALL: [WeightScheme; 8] = [
         WeightScheme::Gaussian,
         WeightScheme::Laplacian,
@@ -64,7 +64,7 @@ impl WeightScheme {
         WeightScheme::Uniform,
     ];
 
-    /// The names `--weights` takes.
+    /// Names accepted by `--weights`.
     pub const NAMES: [&'static str; 8] = [
         "gaussian",
         "laplacian",
@@ -76,11 +76,11 @@ impl WeightScheme {
         "uniform",
     ];
 
-    /// Hands the kernel with squared bandwidth `beta` to `visitor`: one match, outside
-    /// every loop.
+    /// Passes the kernel with squared bandwidth `beta` to `visitor`: one `match`, outside every
+    /// loop.
     ///
     /// # Errors
-    /// Those of [`check_beta`]; [`Error::Config`] for a ν outside (0, 1000], and for
+    /// The errors of [`check_beta`]; [`Error::Config`] for a ν outside (0, 1000], and for
     /// [`Custom`](WeightScheme::Custom), which is no kernel.
     #[inline(always)]
     pub fn visit<V: KernelVisitor>(self, beta: f64, visitor: V) -> Result<V::Output> {
@@ -99,10 +99,10 @@ impl WeightScheme {
         })
     }
 
-    /// The weight of one connection; loops should [`visit`](Self::visit).
+    /// Computes the weight of one connection; loops should use [`visit`](Self::visit).
     ///
     /// # Errors
-    /// Those of [`visit`](Self::visit).
+    /// The errors of [`visit`](Self::visit).
     pub fn weight(self, beta: f64, d2: f32) -> Result<f32> {
         struct At(f32);
         impl KernelVisitor for At {
@@ -115,7 +115,7 @@ impl WeightScheme {
     }
 }
 
-/// Refuses bandwidths that f32 weights cannot be computed with.
+/// Refuses bandwidths for which weights cannot be computed in f32.
 ///
 /// # Errors
 /// [`Error::Config`] unless `beta` is in `[1e-12, 1e12]`.

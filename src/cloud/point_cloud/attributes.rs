@@ -1,4 +1,4 @@
-//! What the points of a cloud have beside their place: normals, weights, channels.
+//! Attributes of the points of a cloud beside their positions: normals, weights, channels.
 
 use std::borrow::Cow;
 
@@ -7,24 +7,24 @@ use crate::cloud::Channels;
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// What points may have beside their place: one row for each point that is handed in, also for
-/// those that will be dropped.
+/// Attributes of points beside their positions: one row for each input point, also for points that
+/// will be dropped.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Attributes<'a> {
-    /// As of [`PointCloud::with_normals`].
+    /// Normals as in [`PointCloud::with_normals`].
     pub normals: Option<&'a [Vec3]>,
-    /// As of [`PointCloud::with_weights`].
+    /// Weights as in [`PointCloud::with_weights`].
     pub weights: Option<&'a [f64]>,
-    /// As of [`PointCloud::with_channels`].
+    /// Channels as in [`PointCloud::with_channels`].
     pub channels: Option<&'a Channels>,
 }
 
 impl PointCloud {
-    /// A cloud with what its points have beside their place, in the same order. What is dropped
-    /// takes its normal, its weight and its channels along.
+    /// Creates a cloud with the attributes of its points, in the same order. A dropped point takes
+    /// its normal, its weight and its channels along.
     ///
     /// # Errors
-    /// [`Error::Shape`] when there is not one row a point, and those of [`new`](Self::new) and
+    /// [`Error::Shape`] when there is not one row a point, and the errors of [`new`](Self::new) and
     /// [`with_weights`](Self::with_weights).
     pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
         let Attributes { normals, weights, channels } = attributes;
@@ -45,11 +45,11 @@ impl PointCloud {
         }
     }
 
-    /// The cloud with what a reader found beside the places of its points, one row for each that
-    /// is there, and with the number of points that the reader dropped.
+    /// Adds the attributes that a reader found, one row for each remaining point, and the number of
+    /// points that the reader dropped.
     ///
     /// # Errors
-    /// Those of [`with_channels`](Self::with_channels).
+    /// The errors of [`with_channels`](Self::with_channels).
     pub(crate) fn with_read(
         self,
         normals: Option<Vec<[f32; 3]>>,
@@ -60,14 +60,14 @@ impl PointCloud {
         PointCloud { normals, dropped, ..self }.with_channels(channels)
     }
 
-    /// Sets how much each point counts: a weight of 2 is as good as having the point twice, 0 as
-    /// not connecting it. Every method honours them, as its description says; only their ratios
-    /// within a cloud matter. One for each point that is there: points that were dropped have
+    /// Sets the weight of each point: a weight of 2 is equivalent to having the point twice, 0 to
+    /// not connecting it. Every method uses the weights as its description says; only their ratios
+    /// within a cloud matter. There is one weight for each remaining point: dropped points have
     /// none ([`with_attributes`](Self::with_attributes) takes all).
     ///
     /// # Errors
-    /// [`Error::Shape`] when there is not one weight a point, [`Error::NonFinite`] for one that
-    /// is not finite in f32, [`Error::Config`] for one below 0, or when all are 0.
+    /// [`Error::Shape`] when there is not one weight a point, [`Error::NonFinite`] for a weight
+    /// that is not finite in f32, [`Error::Config`] for a weight below 0, or when all are 0.
     ///
     /// ```
     /// let cloud = cfreg::PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]])?;
@@ -85,22 +85,23 @@ impl PointCloud {
         Ok(self)
     }
 
-    /// The cloud with other channels in place of its own, one value a point that is there.
+    /// Replaces the channels of the cloud, one value for each remaining point.
     ///
     /// # Errors
-    /// [`Error::Shape`] when a channel has not one value a point.
+    /// [`Error::Shape`] when a channel does not have one value a point.
     pub fn with_channels(self, channels: Channels) -> Result<Self> {
         channels.check(self.len())?;
         Ok(PointCloud { channels, ..self })
     }
 
-    /// How much each point counts, finite and 0 or more, if the cloud says so; else all alike.
+    /// Returns the weights of the points, finite and 0 or more, if the cloud has any; else all
+    /// points have the same weight.
     pub fn weights(&self) -> Option<&[f32]> {
         self.weights.as_deref()
     }
 
-    /// Weights in shares of their mean, so that only their ratios matter; `None` without
-    /// weights, and where all that are left are 0.
+    /// Returns the weights divided by their mean, so that only their ratios matter; `None` without
+    /// weights, and where all remaining weights are 0.
     pub(crate) fn relative_weights(&self) -> Option<Vec<f32>> {
         let weights = self.weights()?;
         let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
@@ -112,7 +113,7 @@ impl PointCloud {
         })
     }
 
-    /// The points that count: the cloud itself, without those of weight 0.
+    /// Returns the cloud without its points of weight 0.
     pub(crate) fn with_positive_weights(&self) -> Cow<'_, PointCloud> {
         match self.weights() {
             Some(weights) if weights.contains(&0.0) => {
@@ -123,12 +124,12 @@ impl PointCloud {
         }
     }
 
-    /// The same without weights.
+    /// Removes the weights.
     pub(crate) fn unweighted(&self) -> PointCloud {
         PointCloud { weights: None, ..self.clone() }
     }
 
-    /// Numbers of the points by name; empty where there are none.
+    /// Returns the named scalars of the points; empty where there are none.
     pub fn channels(&self) -> &Channels {
         &self.channels
     }
@@ -145,7 +146,7 @@ pub(super) fn check_row_count(what: &str, found: Option<usize>, points: usize) -
     }
 }
 
-/// Refuses what is no weight; `what` is what errors call them all.
+/// Refuses invalid weights; `what` is the name that errors use for them.
 pub(crate) fn check_weights(weights: &[f32], what: &str) -> Result<()> {
     if let Some(index) = weights.iter().position(|weight| !weight.is_finite()) {
         return Err(Error::NonFinite { what: what.into(), index });
@@ -156,7 +157,7 @@ pub(crate) fn check_weights(weights: &[f32], what: &str) -> Result<()> {
     }
 }
 
-/// `normal` at unit length in f32; zero when it has no direction.
+/// Scales `normal` to unit length in f32; zero when it has no direction.
 pub(crate) fn normalize_normal(normal: Vec3) -> [f32; 3] {
     let unit = math::normalized(normal).map(|x| x as f32);
     if unit.iter().all(|x| x.is_finite()) { unit } else { [0.0; 3] }

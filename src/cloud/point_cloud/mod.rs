@@ -1,4 +1,4 @@
-//! Points with an f64 origin, so that map coordinates lose nothing in f32.
+//! Points with an f64 origin, so that map coordinates keep their digits in f32.
 
 mod attributes;
 mod origin;
@@ -13,26 +13,24 @@ use crate::cloud::{Channels, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// The largest coordinate: fourth powers, which areas and covariances take, stay finite in f64
+/// The largest coordinate: fourth powers, which areas and covariances need, stay finite in f64
 /// (1e300).
 const MAX_COORDINATE: f64 = 1e75;
 
-/// The first coordinate of a point that is finite and yet too large to compute with.
+/// Finds the first finite coordinate of a point that is too large to compute with.
 pub(crate) fn find_too_large(point: Vec3) -> Option<f64> {
     point.into_iter().find(|x| x.is_finite() && x.abs() > MAX_COORDINATE)
 }
 
-/// Points, optionally with unit normals, weights, named channels and the place they were seen
-/// from.
+/// Points, optionally with unit normals, weights, named channels and a viewpoint.
 ///
-/// Point `i` is at `origin + points[i]`: coordinates are kept in f32 relative to an
-/// f64 origin near the cloud. The origin is the centre of the bounding box rounded
-/// to the power of ten at or above the cloud's size. A cloud around zero therefore
-/// has origin zero and keeps its f32 coordinates bit for bit, and a cloud moved by
-/// any multiple of that power of ten (a UTM offset, say) has the same `points`.
+/// Point `i` is at `origin + points[i]`: coordinates are stored in f32 relative to an f64 origin
+/// near the cloud. The origin is the centre of the bounding box, rounded to the power of ten at or
+/// above the cloud's size. A cloud around zero therefore has origin zero and keeps its f32
+/// coordinates bit for bit, and a cloud moved by any multiple of that power of ten (a UTM offset,
+/// say) has the same `points`.
 ///
-/// Non-finite points are dropped on the way in and counted in
-/// [`dropped`](Self::dropped).
+/// Non-finite input points are dropped and counted in [`dropped`](Self::dropped).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PointCloud {
     points: Vec<[f32; 3]>,
@@ -47,14 +45,14 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
-    /// A cloud from coordinates in any unit; points with a NaN or infinite
-    /// coordinate are dropped and counted. An empty cloud is a cloud.
+    /// Creates a cloud from coordinates in any unit; points with a NaN or infinite coordinate are
+    /// dropped and counted. An empty cloud is valid.
     ///
     /// # Errors
     /// [`Error::Extent`] when the longest side of the bounding box is above 1e15 or
     /// above 0 and below 1e-15: squared distances would leave the range of f32.
-    /// [`Error::Coordinate`] for a finite coordinate beyond 1e75: squares of squares would leave
-    /// that of f64.
+    /// [`Error::Coordinate`] for a finite coordinate beyond 1e75: its fourth power would leave the
+    /// range of f64.
     ///
     /// ```
     /// let utm = cfreg::PointCloud::new(&[[5e5, 5.6e6, 12.0], [5e5 + 0.125, 5.6e6, f64::NAN]])?;
@@ -71,7 +69,7 @@ impl PointCloud {
         }
     }
 
-    /// The same from f32.
+    /// Creates a cloud from f32 coordinates.
     ///
     /// # Errors
     /// [`Error::Extent`] as [`new`](Self::new).
@@ -80,8 +78,8 @@ impl PointCloud {
         Self::from_finite(wide.filter(|p| p.iter().all(|x| x.is_finite())), points.len())
     }
 
-    /// A cloud with one normal a point, same order. Normals are scaled to unit
-    /// length; a zero or non-finite normal becomes zero, which means "undefined".
+    /// Creates a cloud with one normal a point, same order. Normals are scaled to unit length; a
+    /// zero or non-finite normal becomes zero, which means "undefined".
     ///
     /// # Errors
     /// [`Error::Shape`] when the lengths differ, [`Error::Extent`] as for
@@ -98,7 +96,7 @@ impl PointCloud {
         for p in points.clone() {
             count += 1;
             for axis in 0..3 {
-                // Points that a transform blew up may be NaN, too.
+                // Points that a transform made too large may be NaN, too.
                 bounded &= p[axis].abs() <= MAX_COORDINATE;
                 low[axis] = low[axis].min(p[axis]);
                 high[axis] = high[axis].max(p[axis]);
@@ -119,7 +117,7 @@ impl PointCloud {
         let frame_origin = round_origin(center, extent, MIN_OFFSET_FACTOR);
         let digits = 10f64.powi((DIGITS - exponent(extent)).clamp(-300, 300));
         let local = |p: Vec3| [0, 1, 2].map(|axis| to_local(p[axis], origin[axis], digits));
-        // As many as there are, and no room for more.
+        // Exact capacity: no spare room.
         let mut kept: Vec<[f32; 3]> = Vec::with_capacity(count);
         kept.extend(points.map(local));
         let points = kept;
@@ -127,10 +125,10 @@ impl PointCloud {
         Ok(PointCloud { points, origin, frame_origin, dropped, ..Default::default() })
     }
 
-    /// Sets the place the cloud was seen from, in the cloud's own frame.
+    /// Sets the viewpoint of the cloud, in the cloud's own frame.
     ///
     /// # Errors
-    /// [`Error::Config`] when a coordinate of it is not finite, or beyond 1e75.
+    /// [`Error::Config`] when a coordinate of the viewpoint is not finite, or beyond 1e75.
     pub fn with_viewpoint(mut self, viewpoint: Vec3) -> Result<Self> {
         if viewpoint.iter().any(|x| !x.is_finite()) || find_too_large(viewpoint).is_some() {
             let value = format!("{viewpoint:?}");
@@ -141,34 +139,34 @@ impl PointCloud {
         Ok(self)
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Bytes that it takes, about.
+    /// Returns the approximate memory use in bytes.
     pub(crate) fn bytes(&self) -> usize {
         let triples = 1 + usize::from(self.normals.is_some());
         let single = usize::from(self.weights.is_some()) + self.channels.names().len();
         self.len() * 4 * (3 * triples + single)
     }
 
-    /// Whether there is no point.
+    /// Returns whether there is no point.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Points relative to [`origin`](Self::origin), all finite.
+    /// Returns the points relative to [`origin`](Self::origin), all finite.
     pub fn points(&self) -> &[[f32; 3]] {
         &self.points
     }
 
-    /// What to add to [`points`](Self::points) to be in the cloud's own frame.
+    /// Returns the offset from [`points`](Self::points) to the cloud's own frame.
     pub fn origin(&self) -> Vec3 {
         self.origin
     }
 
-    /// Point `i` in the cloud's own frame.
+    /// Returns point `i` in the cloud's own frame.
     ///
     /// # Panics
     /// When `i` is not below [`len`](Self::len).
@@ -176,50 +174,50 @@ impl PointCloud {
         math::add(self.origin, self.points[i].map(f64::from))
     }
 
-    /// All points in the cloud's own frame, in order.
+    /// Returns all points in the cloud's own frame, in order.
     pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + Clone + '_ {
         (0..self.len()).map(|i| self.position(i))
     }
 
-    /// Unit normals, one a point, if the cloud has them. A zero vector marks a point
-    /// whose normal is undefined.
+    /// Returns the unit normals, one a point, if the cloud has them. A zero vector marks a point
+    /// with an undefined normal.
     pub fn normals(&self) -> Option<&[[f32; 3]]> {
         self.normals.as_deref()
     }
 
-    /// Where the cloud was seen from, in its own frame, if it says so.
+    /// Returns the viewpoint of the cloud, in its own frame, if the cloud has one.
     pub fn viewpoint(&self) -> Option<Vec3> {
         self.viewpoint
     }
 
-    /// The zero of the cloud's frame, where a sensor stands that says nothing else.
+    /// Returns the zero of the cloud's frame: the default viewpoint of a cloud that names none.
     ///
-    /// For a cloud whose centre lies within about 50 times its size of zero this *is*
-    /// zero. In map coordinates zero means nothing: there it is the nearest multiple of
-    /// a round length (100 times the power of ten at or above the cloud's size), so that
-    /// it moves along with the cloud when a map offset is added.
+    /// For a cloud whose centre is within about 50 times its size of zero this *is* zero. In map
+    /// coordinates zero has no meaning. There the result is the nearest multiple of a round length
+    /// (100 times the power of ten at or above the cloud's size), so that it moves along with the
+    /// cloud when a map offset is added.
     pub fn frame_origin(&self) -> Vec3 {
         self.frame_origin
     }
 
-    /// Points with a NaN or infinite coordinate that were left out.
+    /// Returns the number of points with a NaN or infinite coordinate that were dropped.
     pub fn dropped(&self) -> usize {
         self.dropped
     }
 
-    /// Rows that marked measurements without a return and were left out
+    /// Returns the number of rows that marked measurements without a return and were removed
     /// ([`filter::remove_no_returns`](crate::filter::remove_no_returns)).
     pub fn no_returns(&self) -> usize {
         self.no_returns
     }
 
-    /// The cloud from which so many more rows were left out because they marked missing returns.
+    /// Adds to the number of rows that were removed because they marked missing returns.
     pub(crate) fn with_no_returns(mut self, rows: usize) -> Self {
         self.no_returns += rows;
         self
     }
 
-    /// Lowest and highest corner in the cloud's own frame; `None` when empty.
+    /// Returns the lowest and highest corner in the cloud's own frame; `None` when empty.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let mut points = self.points.iter();
         let first = *points.next()?;
@@ -231,19 +229,19 @@ impl PointCloud {
         Some((global(low), global(high)))
     }
 
-    /// Diagonal of the bounding box; 0 when empty.
+    /// Returns the diagonal of the bounding box; 0 when empty.
     pub fn diagonal(&self) -> f64 {
         self.bounds().map_or(0.0, |(low, high)| math::norm(math::sub(high, low)))
     }
 
-    /// Mean of the points in the cloud's own frame, summed in f64 about the
+    /// Returns the mean of the points in the cloud's own frame, summed in f64 about the
     /// [`origin`](Self::origin); the origin when empty.
     pub fn centroid(&self) -> Vec3 {
         let sum = self.points.iter().fold([0.0; 3], |sum, p| math::add(sum, p.map(f64::from)));
         math::add(self.origin, math::scaled(sum, 1.0 / self.len().max(1) as f64))
     }
 
-    /// The points named by `indices`, in that order; normals, weights and channels alike.
+    /// Selects the points at `indices`, in that order, with their normals, weights and channels.
     /// [`dropped`](Self::dropped) and the origin stay.
     ///
     /// # Panics
@@ -261,11 +259,11 @@ impl PointCloud {
         }
     }
 
-    /// Other points, with what they have, in the place of these: viewpoint, frame and
-    /// [`dropped`](Self::dropped) stay.
+    /// Replaces the points and their attributes: viewpoint, frame and [`dropped`](Self::dropped)
+    /// stay.
     ///
     /// # Errors
-    /// Those of [`with_attributes`](Self::with_attributes).
+    /// The errors of [`with_attributes`](Self::with_attributes).
     pub fn with_points(&self, points: &[[f64; 3]], has: Attributes<'_>) -> Result<PointCloud> {
         let new = Self::with_attributes(points, has)?;
         Ok(PointCloud {
@@ -277,10 +275,10 @@ impl PointCloud {
         })
     }
 
-    /// The cloud moved by `transform`: points, normals and viewpoint; weights and channels stay.
+    /// Moves the cloud by `transform`: points, normals and viewpoint; weights and channels stay.
     ///
     /// # Errors
-    /// [`Error::Extent`] when a scale or a shift takes it out of range.
+    /// [`Error::Extent`] when a scale or a translation moves it out of range.
     pub fn transformed(&self, transform: &Transform) -> Result<PointCloud> {
         let moved = self.positions().map(|p| transform.apply(p));
         let rotate = |n: &[f32; 3]| transform.rotate(n.map(f64::from)).map(|x| x as f32);
@@ -322,7 +320,7 @@ mod tests {
 
     #[test]
     fn decimals_survive_a_map_offset() {
-        // As text files have them, through f64 or through f32: none is exact in binary.
+        // Values as in text files, through f64 or through f32: none is exact in binary.
         let decimals: Vec<Vec3> = (0..200)
             .map(|i| [f64::from(i) * 7.813e-4 - 0.0947, 0.0359793 + f64::from(i) * 1e-5, 0.0012345])
             .collect();
@@ -343,7 +341,7 @@ mod tests {
 
     #[test]
     fn zero_is_the_frame_origin_of_what_is_near() {
-        // A 9 cm object seen from one metre.
+        // A 9 cm object seen from a distance of one metre.
         let near = PointCloud::new(&[[0.0, 0.0, 1.0], [0.09, 0.0, 1.0]]).unwrap();
         assert_eq!(near.frame_origin(), [0.0; 3]);
     }
@@ -361,7 +359,7 @@ mod tests {
             }
             let seen = same.clone().with_viewpoint([0.0, far, 0.0]);
             assert!(matches!(seen, Err(Error::Config { field: "viewpoint", .. })), "{far}");
-            // A point that is left out anyway may have any.
+            // A point that is dropped anyway may have any attribute.
             assert_eq!(PointCloud::new(&[[far, f64::NAN, 0.0]]).unwrap().dropped(), 1);
         }
         let huge = Transform { translation: [1e200, 0.0, 0.0], ..Transform::IDENTITY };

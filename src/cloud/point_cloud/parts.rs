@@ -1,4 +1,4 @@
-//! A cloud taken apart and put together, to be kept elsewhere.
+//! Decomposition of a cloud into plain fields, for storage elsewhere.
 
 use super::PointCloud;
 use super::attributes::{check_row_count, check_weights};
@@ -6,7 +6,7 @@ use crate::cloud::Channels;
 use crate::error::{Error, Result};
 use crate::math::Vec3;
 
-/// A [`PointCloud`] taken apart; each field is what the method of its name returns.
+/// The fields of a [`PointCloud`]; each field is the result of the method of its name.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "said by the methods")]
 pub struct Parts {
@@ -22,11 +22,11 @@ pub struct Parts {
 }
 
 impl PointCloud {
-    /// The cloud put together from what [`parts`](Self::parts) took apart, bit for bit.
+    /// Builds the cloud from the result of [`parts`](Self::parts), bit for bit.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] for a value that no cloud has, [`Error::Shape`] when there is not
-    /// one normal, weight or value of a channel a point, [`Error::Config`] for a weight below 0.
+    /// [`Error::NonFinite`] for a non-finite value, [`Error::Shape`] when there is not one normal,
+    /// weight or channel value a point, [`Error::Config`] for a weight below 0.
     pub fn from_parts(parts: Parts) -> Result<Self> {
         parts.check()?;
         let Parts {
@@ -53,7 +53,7 @@ impl PointCloud {
         })
     }
 
-    /// All that the cloud consists of, to be kept elsewhere.
+    /// Returns all fields of the cloud, for storage elsewhere.
     pub fn parts(&self) -> Parts {
         let Self {
             points,
@@ -81,7 +81,7 @@ impl PointCloud {
 }
 
 impl Parts {
-    /// Refuses what no cloud consists of.
+    /// Refuses fields that no cloud can have.
     fn check(&self) -> Result<()> {
         let vectors = self.points.iter().chain(self.normals.iter().flatten());
         if let Some(index) = vectors.into_iter().position(|v| v.iter().any(|x| !x.is_finite())) {

@@ -9,22 +9,22 @@ use super::super::tile::DescriptorRows;
 use super::ConnectionSide;
 use crate::par;
 
-/// Rows a block, that share a box and the list of what is weighed against them.
+/// Rows a block, which share a box and the list of columns that are weighted against them.
 pub(super) const BLOCK: usize = 64;
-/// Columns that are weighed or left out together: copied as a piece, they cost little.
+/// Columns that are weighted or left out together: copying them as a piece costs little.
 pub(super) const GROUP: usize = 8;
 
 /// Principal axes that blocks are cut along and bounded on: 8 carry 92 % of the variance of
 /// FPFH (30,000 points of the Stanford dragon), and 16 leave out no more.
 const AXES: usize = 8;
-/// Rows that the axes are taken from, and rounds of the iteration: any orthonormal axes
-/// keep the promise, better ones only skip more.
+/// Rows for estimating the axes, and rounds of the iteration: any orthonormal axes keep the error
+/// bound, better ones only skip more.
 const SAMPLE: usize = 1024;
 const ROUNDS: usize = 6;
-/// Rows that are bounded together: their bounds stay in the first-level cache.
+/// Rows whose bounds are computed together, to stay in the first-level cache.
 const CHUNK: usize = 1024;
 
-/// Up to [`AXES`] orthonormal axes, most of the variance first: of each dimension its
+/// Up to [`AXES`] orthonormal axes, in descending order of variance: for each dimension, its
 /// component on every axis, 0 where there are fewer.
 pub(super) struct PrincipalAxes(Vec<[f64; AXES]>);
 
@@ -32,18 +32,18 @@ pub(super) struct PrincipalAxes(Vec<[f64; AXES]>);
 pub(super) struct BoundedSide {
     pub(super) rows: DescriptorRows,
     pub(super) points: Vec<[f32; 3]>,
-    /// The same positions, as they are streamed.
+    /// The same positions, in streaming layout.
     pub(super) streamed: Targets,
-    /// The rows group by group, in each one dimension after the other.
+    /// The rows group by group; within a group, one dimension after the other.
     pub(super) groups: Vec<f32>,
-    /// The rows on each axis, one axis after the other.
+    /// The projections of the rows, one axis after the other.
     projected: Vec<f32>,
-    /// Of every block.
+    /// The bounds of every block.
     boxes: Vec<BlockBounds>,
 }
 
-/// What a block of rows fills: the least and the largest value on each axis, and the
-/// largest squared norm.
+/// Bounds of a block of rows: the least and the largest value on each axis, and the largest squared
+/// norm.
 struct BlockBounds {
     low: [f32; AXES],
     high: [f32; AXES],
@@ -51,8 +51,8 @@ struct BlockBounds {
 }
 
 impl PrincipalAxes {
-    /// Of the rows of both sides, by orthogonal iteration (Golub & Van Loan, 8.2.4) from the
-    /// dimensions of most variance.
+    /// Computes the axes of the rows of both sides, by orthogonal iteration (Golub & Van Loan,
+    /// 8.2.4) from the dimensions of most variance.
     pub(super) fn compute(a: &DescriptorRows, b: &DescriptorRows) -> PrincipalAxes {
         let stride = (a.len() + b.len()).div_ceil(SAMPLE);
         let all = (0..a.len()).map(|i| a.row(i)).chain((0..b.len()).map(|i| b.row(i)));
@@ -70,7 +70,7 @@ impl PrincipalAxes {
         axes
     }
 
-    /// The row on every axis.
+    /// Projects the row on every axis.
     #[inline(always)]
     fn project(&self, row: &[f32]) -> [f64; AXES] {
         let mut lengths = [0.0; AXES];
@@ -80,7 +80,7 @@ impl PrincipalAxes {
         lengths
     }
 
-    /// Σ x (xᵀ A) over the sample: the scatter matrix times the axes.
+    /// Returns Σ x (xᵀ A) over the sample: the scatter matrix times the axes.
     fn apply_scatter(&self, sample: &[&[f32]]) -> PrincipalAxes {
         let mut sums = vec![[0.0; AXES]; self.0.len()];
         for row in sample {
@@ -92,8 +92,8 @@ impl PrincipalAxes {
         PrincipalAxes(sums)
     }
 
-    /// Gram-Schmidt, each axis twice ("twice is enough"); one that lies in the span of those
-    /// before it becomes 0.
+    /// Orthonormalises by Gram-Schmidt, each axis twice ("twice is enough"); an axis in the span of
+    /// the previous ones becomes 0.
     fn orthonormalize(mut self) -> PrincipalAxes {
         let rows = &mut self.0;
         let product = |rows: &[[f64; AXES]], k: usize, l: usize| -> f64 {
@@ -149,8 +149,8 @@ impl BoundedSide {
         }
     }
 
-    /// Writes, for every row of `self`, a lower bound of its squared distance from all rows
-    /// of a block of `other`, safe also against what tiles compute for that distance.
+    /// Writes, for every row of `self`, a lower bound of its squared distance from all rows of a
+    /// block of `other`. The bound includes the rounding of the distance that tiles compute.
     ///
     /// Proof. Projection on orthonormal axes shortens distances, and a point of the box is
     /// at least the gap away on each axis: Σ gap² ≤ d². The rest is rounding. With u = 2⁻²⁴
@@ -217,9 +217,9 @@ impl WithSimd for BoundDistances<'_> {
     }
 }
 
-/// Splits at the median of the axis of most variance until no more than a group is left;
-/// the first half holds whole blocks, or whole groups of one. Equals follow their index, and
-/// so do the rows of a group.
+/// Splits at the median of the axis of most variance until at most one group is left; the first
+/// half holds whole blocks, or whole groups within a block. Equal values are ordered by index, and
+/// so are the rows of a group.
 fn split_kd_order(order: &mut [u32], projected: &[[f32; AXES]]) {
     if order.len() <= GROUP {
         order.sort_unstable();

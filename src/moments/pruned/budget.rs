@@ -1,4 +1,4 @@
-//! What a block of rows may leave out.
+//! Decides which columns a block of rows may leave out.
 
 use pulp::{Simd, WithSimd};
 
@@ -8,19 +8,19 @@ use super::gathered_tile;
 use super::{FIRST_FRACTION, ROUNDING_FACTOR};
 use crate::weight::WeightKernel;
 
-/// Positive f32 in order, four levels a power of two: their sign bit is 0, and the ten bits
-/// after it grow with them.
+/// Number of levels of positive f32 in order, four levels a power of two: their sign bit is 0, and
+/// the ten bits after it increase with them.
 const LEVELS: usize = 1 << 10;
 
 fn level(bound: f32) -> usize {
     (bound.to_bits() >> 21) as usize
 }
 
-/// Upper bounds of the weights of groups of columns in any row of a block, row factors apart.
+/// Upper bounds of the weights of groups of columns in any row of a block, without the row factors.
 pub(super) struct PruningBudget {
-    /// Of single columns.
+    /// Bounds of single columns.
     bounds: Vec<f32>,
-    /// Of every group, the sum over its columns.
+    /// Bound of every group, the sum over its columns.
     groups: Vec<f32>,
     /// Number and sum of the groups of each level.
     levels: Vec<(usize, f64)>,
@@ -59,11 +59,12 @@ impl PruningBudget {
         }
     }
 
-    /// Lets `weigh` weigh the groups of the largest bounds, then those without which the
-    /// bounds left out would sum to more than `share` of the weight that it reports, for a
-    /// row of factor 1. Returns how many columns were weighed.
+    /// Calls `weigh` with the groups of the largest bounds, then with further groups until the
+    /// bounds left out sum to at most `share` of the weight that it reports, for a row of factor 1.
+    /// Returns how many columns were weighted.
     ///
-    /// What it reports grows with what it has weighed, so the promise holds at the end too.
+    /// The weight that `weigh` reports grows with the weighted columns, so the error bound also
+    /// holds at the end.
     pub(super) fn weigh_within_share(
         &mut self,
         share: f64,
@@ -89,7 +90,7 @@ impl PruningBudget {
         columns as u64
     }
 
-    /// Lists the groups of the levels `from..to` in order; returns how many columns they have.
+    /// Lists the groups of the levels `from..to` in order; returns the number of their columns.
     fn list(&mut self, from: usize, to: usize) -> usize {
         let groups = self.groups.iter().enumerate();
         let within = groups.filter(|&(_, &bound)| (from..to).contains(&level(bound)));

@@ -1,4 +1,4 @@
-//! Groups of columns from here and there, put together as a tile.
+//! Non-adjacent groups of columns, gathered into a tile.
 
 use std::ops::Range;
 
@@ -6,8 +6,8 @@ use super::super::reduce::Targets;
 use super::super::tile::{Panels, Scaling};
 use super::bounded_side::{BoundedSide, GROUP};
 
-/// Most groups a tile: 480 columns, in whole lanes, and no power of two, which would put all
-/// dimensions of a column in the same few lines of the first-level cache.
+/// Maximum number of groups a tile: 480 columns, in whole lanes, and no power of two, which would
+/// map all dimensions of a column to the same few lines of the first-level cache.
 pub(super) const MAX_GROUPS_PER_TILE: usize = 60;
 
 /// A tile of columns, laid out for [`weigh_block`](super::super::tile::weigh_block).
@@ -19,7 +19,7 @@ pub(super) struct GatheredTile {
 }
 
 impl GatheredTile {
-    /// Takes the descriptors and factors of ascending `groups`.
+    /// Copies the descriptors and factors of ascending `groups`.
     pub(super) fn gather_descriptors(
         &mut self,
         from: &BoundedSide,
@@ -40,7 +40,7 @@ impl GatheredTile {
             let piece = &from.groups[columns.start * dim..columns.end * dim];
             let places = values.chunks_exact_mut(width).map(|row| &mut row[k * GROUP..]);
             if columns.len() == GROUP {
-                // Of a length that the compiler knows: a load and a store.
+                // The length is known to the compiler: a load and a store.
                 for (place, part) in places.zip(piece.as_chunks::<GROUP>().0) {
                     place[..GROUP].copy_from_slice(part);
                 }
@@ -52,7 +52,7 @@ impl GatheredTile {
         }
     }
 
-    /// Takes their positions.
+    /// Copies their positions.
     pub(super) fn gather_positions(&mut self, from: &BoundedSide, groups: &[u32]) {
         let (to, from) = (&mut self.targets, &from.streamed);
         collect(&mut to.x, &from.x, groups);
@@ -61,7 +61,7 @@ impl GatheredTile {
         collect(&mut to.squares, &from.squares, groups);
     }
 
-    /// `scaling` with the factors of these columns.
+    /// Returns `scaling` with the factors of these columns.
     pub(super) fn scaling<'a>(&'a self, scaling: Scaling<'a>) -> Scaling<'a> {
         let v = &self.factors;
         match scaling {
@@ -73,7 +73,7 @@ impl GatheredTile {
     }
 }
 
-/// The columns of a group; the last of `n` may have fewer.
+/// Returns the columns of a group; the last of `n` may have fewer.
 pub(super) fn columns(group: u32, n: usize) -> Range<usize> {
     let first = group as usize * GROUP;
     first..(first + GROUP).min(n)

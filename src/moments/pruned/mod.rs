@@ -1,25 +1,25 @@
-//! Moments within a stated tolerance: connections whose weights provably do not matter are
-//! left out.
+//! Moments within a stated tolerance: connections whose weights provably do not matter are left
+//! out.
 //!
-//! # The promise
-//! With w the normalised weights of all N·M connections as the dense pass computes them,
-//! and w̃ those of the result (0 where left out): Σ|w̃ − w| ≤ ε Σw. Hence every moment Σw f
-//! is off by at most ε Σw max|f|: the weight by ε Σw, Σw p̃ by ε Σw max|p̃|, the cross moment
-//! by ε Σw max|p̃| max|q̃|, and so on. Rounding is apart, as that of the dense pass is.
+//! # Error bound
+//! With w the normalised weights of all N·M connections as the dense pass computes them, and w̃ the
+//! weights of the result (0 where left out): Σ|w̃ − w| ≤ ε Σw. Hence the error of every moment Σw f
+//! is at most ε Σw max|f|: of the weight ε Σw, of Σw p̃ ε Σw max|p̃|, of the cross moment ε Σw
+//! max|p̃| max|q̃|, and so on. Rounding is not included, nor is the rounding of the dense pass.
 //!
-//! # Why it holds
-//! Kernels of the catalogue never grow with d², so a lower bound of the distance of a target
-//! from a block of sources ([`BoundedSide::distance_bounds`]) bounds all its weights in that
-//! block. In each block the targets of the largest bounds are weighed first, then as many as
-//! are needed until the bounds of the rest sum to at most a share of what has been weighed,
-//! which is at most that share of all there is ([`PruningBudget`]). Blocks add up.
+//! # Proof
+//! Kernels of the catalogue never grow with d², so a lower bound of the distance of a target from a
+//! block of sources ([`BoundedSide::distance_bounds`]) bounds all its weights in that block. In
+//! each block the targets of the largest bounds are weighted first, then further targets until the
+//! bounds of the rest sum to at most a share of the weight so far, which is at most that share of
+//! the total weight ([`PruningBudget`]). The bounds of blocks add up.
 //!
-//! Row and column sums keep the promise row by row: a sum r̃ of what is kept has
-//! (1 − η) r ≤ r̃ ≤ r. Factors made of them are off by a factor of κ = (1 − η)⁻ᵖ at most, p = 1
-//! for `source` and `target`, 2 for `both`. A half-round of Sinkhorn-Knopp hands on the
-//! relative error of the factors that it reads and adds one (1 − η): after n rounds either
-//! factor is within (1 − η)^±n, so p = 2n. With η such that κ = 1 + ε/4, and ε/2 for the
-//! last pass, Σ|w̃ − w| ≤ (κ − 1) Σw + ε/2 · κ Σw ≤ (1/4 + 5/8) ε Σw.
+//! Row and column sums keep the bound row by row: a sum r̃ of the computed weights has (1 − η) r ≤
+//! r̃ ≤ r. Factors computed from them have an error factor of at most κ = (1 − η)⁻ᵖ, p = 1 for
+//! `source` and `target`, 2 for `both`. A half-round of Sinkhorn-Knopp passes on the relative error
+//! of its input factors and adds one (1 − η): after n rounds either factor is within (1 − η)^±n, so
+//! p = 2n. With η such that κ = 1 + ε/4, and ε/2 for the last pass, Σ|w̃ − w| ≤ (κ − 1) Σw + ε/2 ·
+//! κ Σw ≤ (1/4 + 5/8) ε Σw.
 
 mod bounded_side;
 mod budget;
@@ -40,19 +40,20 @@ use bounded_side::{BLOCK, BoundedSide, PrincipalAxes};
 use budget::PruningBudget;
 use gathered_tile::{GatheredTile, MAX_GROUPS_PER_TILE};
 
-/// Fewest connections for which leaving out pays; below, the dense pass is as fast. By the
-/// product of the sizes alone.
+/// Minimum number of connections for pruning; with fewer, the dense pass is as fast. It depends on
+/// the product of the sizes alone.
 pub(super) const MIN_CONNECTIONS: u64 = 50_000_000;
 
-/// Part of the columns that each block weighs before it decides about the rest.
+/// Each block weights this part of the columns (one in so many) before it decides about the rest.
+/// Chosen by hand.
 const FIRST_FRACTION: usize = 16;
 
-/// Makes up for what f32 loses between a bound and the weights under it: kernels grow by
-/// 1e-6 of themselves in places, factors and sums round.
+/// Covers f32 rounding between a bound and the weights under it: kernels increase by 1e-6 of their
+/// value in places, factors and sums round.
 const ROUNDING_FACTOR: f32 = 1.0 + 1.6e-5;
 
-/// Moments within `tolerance` in (0, 1), and how many weights were computed for them, sums
-/// of rows and columns included. `kernel` must never grow with d².
+/// Computes moments within `tolerance` in (0, 1), and counts the computed weights, including the
+/// weights for sums of rows and columns. `kernel` must never grow with d².
 pub(super) fn moments<K: WeightKernel>(
     source: &ConnectionSide,
     target: &ConnectionSide,
@@ -103,12 +104,12 @@ pub(super) fn moments<K: WeightKernel>(
     (moments, weighed + count)
 }
 
-/// η with (1 − η)^−`powers` = 1 + `tolerance`/4.
+/// Returns η with (1 − η)^−`powers` = 1 + `tolerance`/4.
 fn row_share(tolerance: f64, powers: u32) -> f64 {
     -(-(tolerance / 4.0).ln_1p() / f64::from(powers)).exp_m1()
 }
 
-/// Every row of one side against the columns that matter to it.
+/// A pass of every row of one side against the columns that matter to it.
 struct PrunedPass<'a, K> {
     rows: &'a BoundedSide,
     columns: &'a BoundedSide,
@@ -116,7 +117,7 @@ struct PrunedPass<'a, K> {
 }
 
 impl<K: WeightKernel> PrunedPass<'_, K> {
-    /// Moments, of every block all but `share` of its weight.
+    /// Computes moments with all but `share` of the weight of every block.
     fn moments(&self, scaling: Scaling<'_>, share: f64, start: Moments) -> (Moments, u64) {
         let rows = &self.rows.rows;
         let blocks =
@@ -155,7 +156,7 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
         })
     }
 
-    /// Σ_j w_ij of every row, short of it by at most `share` of it.
+    /// Computes Σ_j w_ij of every row, too low by at most `share` of it.
     fn sums(&self, scaling: Scaling<'_>, share: f64) -> (Vec<f64>, u64) {
         let rows = &self.rows.rows;
         let blocks =
@@ -175,7 +176,8 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
                         self.weigh(block.clone(), gathered, scaling, &mut reducer, tile);
                     }
                     let least = reducer.sums.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-                    // Whether a row counts as one without weight is left to no bound.
+                    // Computed in full: a bound must not decide whether a row counts as one without
+                    // weight.
                     if least < 2.0 * f64::from(f32::MIN_POSITIVE) { 0.0 } else { least }
                 });
                 (reducer.sums, weighed * block.len() as u64)
@@ -184,7 +186,7 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
         (blocks.into_iter().flat_map(|(sums, _)| sums).collect(), weighed)
     }
 
-    /// The rows of a block against the columns that were gathered.
+    /// Weights the rows of a block against the gathered columns.
     fn weigh(
         &self,
         block: Range<usize>,
@@ -199,7 +201,7 @@ impl<K: WeightKernel> PrunedPass<'_, K> {
 }
 
 impl Scaling<'_> {
-    /// Sum of the factors of a block's rows.
+    /// Returns the sum of the factors of a block's rows.
     fn rows(&self, block: Range<usize>) -> f64 {
         match self {
             Scaling::None | Scaling::Target(_) => block.len() as f64,
@@ -209,7 +211,7 @@ impl Scaling<'_> {
         }
     }
 
-    /// Factors of the columns.
+    /// Returns the factors of the columns.
     fn columns(&self) -> Option<&[f32]> {
         match self {
             Scaling::None | Scaling::Source(_) => None,
@@ -218,7 +220,7 @@ impl Scaling<'_> {
     }
 }
 
-/// What a thread uses again.
+/// Scratch that a thread reuses.
 #[derive(Default)]
 struct PrunedScratch {
     budget: PruningBudget,

@@ -1,4 +1,4 @@
-//! The promise, against the double loop and against the dense pass.
+//! The error bound, against the double loop and against the dense pass.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -30,15 +30,15 @@ struct RandomSide {
 }
 
 impl RandomSide {
-    /// Descriptors of whole numbers around `clusters` centres within ±`apart`, each within
-    /// ±`spread` of its own, and the negative of each beside it: the mean is 0, and all
-    /// squared distances are exact in f32. One in four is the twin of another.
+    /// Integer descriptors around `clusters` centres within ±`apart`, each within ±`spread` of its
+    /// own centre, each followed by its negative: the mean is 0, and all squared distances are
+    /// exact in f32. One in four is a duplicate of another.
     fn new(shape: Shape, n: usize, seed: u64) -> RandomSide {
         let Shape { dim, clusters, apart, spread, .. } = shape;
         let row = |rng: &mut ChaCha8Rng, size: i32| -> Vec<i32> {
             (0..dim).map(|_| rng.random_range(-size..=size)).collect()
         };
-        // The centres are those of both sides.
+        // Both sides share the centres.
         let mut rng = ChaCha8Rng::seed_from_u64(shape.seed);
         let centres: Vec<Vec<i32>> = (0..clusters).map(|_| row(&mut rng, apart)).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -83,8 +83,8 @@ impl Shape {
     }
 }
 
-/// Sizes around those of a group (8), a block (64) and a tile (480); descriptors in one
-/// heap, in clusters, and spread out until few have a near one.
+/// Sizes around a group (8), a block (64) and a tile (480); descriptors in one heap, in clusters,
+/// and spread out until few have a near one.
 fn shape() -> impl Strategy<Value = Shape> {
     let size = || select(vec![1, 2, 7, 8, 9, 63, 65, 100, 479, 481, 700]);
     let dim = select(vec![1, 3, 7, 8, 33, 99]);
@@ -101,7 +101,7 @@ fn shape() -> impl Strategy<Value = Shape> {
     )
 }
 
-/// Squared bandwidths that no whole number meets.
+/// Squared bandwidths that differ from all integers.
 fn beta() -> impl Strategy<Value = f64> {
     select(vec![2.5, 30.5, 500.5])
 }
@@ -110,14 +110,14 @@ fn tolerance() -> impl Strategy<Value = f64> {
     select(vec![1e-9, 1e-6, 1e-3, 1e-2, 0.1, 0.5, 0.9])
 }
 
-/// What f32 adds: exponentials and sums, as in the dense pass.
+/// Error of f32: exponentials and sums, as in the dense pass.
 const ROUNDING: f64 = 5e-6;
 
 fn connect([source, target]: &[RandomSide; 2]) -> FullConnection {
     FullConnection::new(source.described(), target.described()).unwrap()
 }
 
-/// Largest difference of a moment in the promise's unit Σw max|f|.
+/// Largest difference of a moment in the error bound's unit Σw max|f|.
 fn differ_by(exact: &Moments, found: &Moments) -> f64 {
     let found = naive::shift_origins(found, exact.source_origin, exact.target_origin);
     // Points and their mean are within the same cube of side 2.
@@ -164,12 +164,12 @@ proptest! {
                 };
                 let off = differ_by(&dense, &found);
                 prop_assert!(off <= tolerance + ROUNDING, "{what}: {off:e}");
-                // Weights that vanish in f32 must not come back by a normalisation.
+                // A normalisation must not restore weights that vanish in f32.
                 let weight = |d2: f64| f64::from(scheme.weight(beta, d2 as f32).unwrap());
                 let exact = naive::moments(source, target, weight, normalization);
                 let off = differ_by(&exact, &found);
-                // Sinkhorn-Knopp brings weights to light that f32 holds badly, next to where
-                // they vanish: there the dense pass is off as well.
+                // Sinkhorn-Knopp amplifies weights that f32 represents badly, close to vanishing:
+                // there the dense pass has the same error.
                 let dense_off = differ_by(&exact, &dense);
                 let hard = matches!(normalization, Normalization::Sinkhorn(_));
                 prop_assert!(hard || dense_off <= ROUNDING, "{what}, dense: {dense_off:e}");
@@ -183,7 +183,7 @@ proptest! {
         }
     }
 
-    /// The order of the rows is another, but sorted sums keep a bound that each keeps.
+    /// The rows are in another order; sorted sums keep a bound that each of them keeps.
     #[test]
     fn sums_keep_the_promise_row_by_row(
         shape in shape(), beta in beta(), share in tolerance(), factors in any::<bool>(),
@@ -213,8 +213,8 @@ proptest! {
         }
     }
 
-    /// Descriptors far from whole numbers and from their mean, some much larger than the
-    /// rest: what tiles compute is off by rounding, and the bound must be below it.
+    /// Descriptors far from integers and from their mean, some much larger than the rest: computed
+    /// distances have rounding errors, and the bound must be below them.
     #[test]
     fn no_computed_distance_is_below_its_bound(
         shape in shape(), offset in select(vec![0.0, 1e3, 1e6f32]), stretch in 0.1..20.0f32,
@@ -269,7 +269,7 @@ proptest! {
     }
 }
 
-/// Whether all distances are at least their bounds.
+/// Returns whether all distances are at least their bounds.
 struct Above<'a> {
     bounds: &'a [f32],
     first: usize,
@@ -294,7 +294,7 @@ fn what_lies_apart_is_left_out() {
                 .pruned_moments_with_count(WeightScheme::Gaussian, 30.5, normalization, tolerance)
                 .unwrap();
             let share = weighed as f64 / (passes * connection.pairs()) as f64;
-            // A pair in eight is of one cluster; blocks may lie in two.
+            // One pair in eight is of one cluster; blocks may be in two.
             assert!(share < 0.25, "{normalization} {tolerance:e}: {share}");
         }
     }

@@ -1,8 +1,8 @@
-//! What is known of a pose beforehand, kept exactly by the closed form.
+//! Prior knowledge of a pose, enforced exactly by the closed form.
 //!
-//! All solvers maximise tr(R C), C the weighted cross-covariance; they differ in how R is written.
-//! What a prior leaves free has a closed form of its own: about a known axis an angle, on the
-//! bound of an angle the root of one monotone equation.
+//! All solvers maximise tr(R C), C the weighted cross-covariance; they differ in the representation
+//! of R. The remaining freedom under a prior has its own closed form: about a known axis an angle,
+//! on the bound of an angle the root of one monotone equation.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::math::{self, IDENTITY, Mat3, Vec3};
 
-/// What is known of a pose beforehand. Nothing by default; what is set holds together.
+/// Prior knowledge of a pose. Nothing by default; all parts that are set apply together.
 ///
 /// ```
 /// use cfreg::{moments::Moments, pose::{self, Prior, ScaleEstimate, Solver}};
@@ -28,32 +28,32 @@ use crate::math::{self, IDENTITY, Mat3, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Prior {
-    /// A direction in the source's frame and the same one in the target's, of any length: the
-    /// rotation maps the first to the second. Gravity, where both were measured; the same twice
-    /// is a fixed axis, and \[0, 0, 1\] twice leaves the yaw alone.
+    /// A direction in the source's frame and the same direction in the target's, of any length: the
+    /// rotation maps the first to the second. An example is gravity, if both sensors measured it;
+    /// equal directions are a fixed axis, and \[0, 0, 1\] twice leaves only the yaw free.
     pub direction: Option<[Vec3; 2]>,
-    /// The rotation that is known, or that the one sought is near to.
+    /// The known rotation, or a rotation near the one sought.
     pub rotation: Option<RotationBound>,
-    /// Least and largest scale, both above 0. Only where a scale is estimated.
+    /// Smallest and largest scale, both above 0. Only if a scale is estimated.
     pub scale: Option<[f64; 2]>,
 }
 
-/// Rotations at most an angle away from one.
+/// Rotations at most an angle away from a given rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RotationBound {
     /// Rotation vector, radians: axis times angle, source into target frame.
     pub vector: Vec3,
-    /// Largest angle to it, degrees in [0, 180]; 0 where the rotation is known.
+    /// Largest angle to the rotation, degrees in [0, 180]; 0 if the rotation is known exactly.
     #[serde(default)]
     pub within_deg: f64,
 }
 
-/// How far over a bound rounding may take a cosine.
+/// Tolerance of a cosine over a bound, for rounding.
 const ROUNDING: f64 = 1e-9;
 
 impl Prior {
-    /// Whether nothing is known.
+    /// Returns whether nothing is known.
     pub fn is_none(&self) -> bool {
         *self == Prior::default()
     }
@@ -89,7 +89,7 @@ impl Prior {
                 bad("scale", format!("[{low}, {high}]"), rule)
             }
             _ => match (self.direction, self.rotation) {
-                // Whether they contradict each other depends on no pair.
+                // The contradiction does not depend on the pairs.
                 (Some(direction), Some(_)) => {
                     rotation_about_direction(direction, self.rotation, &IDENTITY, || {
                         Error::NO_WEIGHT
@@ -105,10 +105,10 @@ impl Prior {
         }
     }
 
-    /// Checks the ranges, and that scales are bounded only where one is estimated.
+    /// Checks the ranges, and that the scale is bounded only if it is estimated.
     ///
     /// # Errors
-    /// [`Error::Config`] with what is wrong.
+    /// [`Error::Config`] with the reason.
     pub fn validate_for(&self, scale: ScaleEstimate) -> Result<()> {
         self.validate()?;
         if self.scale.is_some() && scale == ScaleEstimate::Fixed {
@@ -118,11 +118,11 @@ impl Prior {
         Ok(())
     }
 
-    /// The allowed pose nearest to `pose`: of its rotations the nearest (by ‖R − R'‖_F), which
-    /// puts `center`, in the source's frame, where `pose` does.
+    /// Finds the allowed pose nearest to `pose`: the nearest allowed rotation (by ‖R − R'‖_F), and
+    /// the translation that maps `center`, in the source's frame, to the same position as `pose`.
     ///
     /// # Errors
-    /// As [`pose::solve_with`](super::solve_with).
+    /// As for [`pose::solve_with`](super::solve_with).
     pub fn project_pose(&self, pose: &Transform, center: Vec3) -> Result<Transform> {
         if !self.constrains_rotation() {
             return Ok(*pose);
@@ -135,16 +135,16 @@ impl Prior {
         Ok(Transform { translation: math::add(found.translation, shift), ..found })
     }
 
-    /// Whether the rotation is restricted.
+    /// Returns whether the rotation is restricted.
     pub(super) fn constrains_rotation(&self) -> bool {
         self.direction.is_some() || self.rotation.is_some()
     }
 
-    /// The rotation that maximises tr(R C) among those allowed; `free` is the best of all.
+    /// Finds the allowed rotation that maximises tr(R C); `free` is the best without a prior.
     ///
     /// # Errors
-    /// [`Error::Degenerate`] where the pairs leave open what the prior does, [`Error::Config`]
-    /// where its direction and rotation contradict each other.
+    /// [`Error::Degenerate`] if the pairs do not constrain the freedom that the prior leaves,
+    /// [`Error::Config`] where its direction and rotation contradict each other.
     pub(super) fn rotation(
         &self,
         covariance: &Mat3,
@@ -169,20 +169,20 @@ impl RotationBound {
     }
 }
 
-/// tr(R M) over the turns R about the unit vector `axis`, as (a, b, c) of
-/// a cos θ + b sin θ + c.
+/// Returns tr(R M) over the rotations R about the unit vector `axis`, as (a, b, c) of a cos θ + b
+/// sin θ + c.
 fn trace_about_axis(axis: Vec3, m: &Mat3) -> (f64, f64, f64) {
     let kept = math::dot(axis, math::mat_vec(m, axis));
     let skew = [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]];
     (math::trace(m) - kept, math::dot(axis, skew), kept)
 }
 
-/// The shortest turn from one unit vector to another.
+/// Finds the smallest rotation from one unit vector to another.
 fn shortest_rotation(from: Vec3, to: Vec3) -> Mat3 {
     let cross = math::cross(from, to);
     let axis = match math::norm(cross) > 1e-12 {
         true => math::normalized(cross),
-        // Opposite or equal: any axis across.
+        // Opposite or equal: any perpendicular axis.
         false => {
             let least = (0..3).min_by(|&i, &j| from[i].abs().total_cmp(&from[j].abs()));
             math::normalized(math::cross(from, IDENTITY[least.unwrap_or(0)]))
@@ -192,7 +192,7 @@ fn shortest_rotation(from: Vec3, to: Vec3) -> Mat3 {
     Transform::from_rotation_vector(math::scaled(axis, angle)).rotation
 }
 
-/// The turn that maps one direction to the other, near a rotation where one is known.
+/// Finds the rotation that maps one direction to the other, near a given rotation if one is known.
 fn rotation_about_direction(
     direction: [Vec3; 2],
     near: Option<RotationBound>,
@@ -202,7 +202,7 @@ fn rotation_about_direction(
     let [from, axis] = direction.map(math::normalized);
     let start = shortest_rotation(from, axis);
     let (a, b, _) = trace_about_axis(axis, &math::mat_mul(&start, covariance));
-    // Angles from which on all are too far from the known rotation, about its own.
+    // Angles about the direction beyond which all rotations are too far from the known one.
     let bound = match near {
         None => None,
         Some(near) => {
@@ -234,11 +234,12 @@ fn rotation_about_direction(
     Ok(math::mat_mul(&turn, &start))
 }
 
-/// The rotation near a known one: the best of all where that is, else the best on the bound.
+/// Finds the best rotation near a known one: the unrestricted optimum if it is within the angle,
+/// else the best on the bound.
 ///
-/// On it the quaternion, from the known rotation on, is (cos α/2, u sin α/2) with a unit vector u
-/// that maximises uᵀ B u + 2 k nᵀ u, B and n from Horn's matrix: (μ − B) u = k n with the μ above
-/// the eigenvalues of B that gives u its length.
+/// On the bound the quaternion, relative to the known rotation, is (cos α/2, u sin α/2) with a unit
+/// vector u that maximises uᵀ B u + 2 k nᵀ u, B and n from Horn's matrix: (μ − B) u = k n with the
+/// μ above the eigenvalues of B for which u has length 1.
 fn rotation_within_angle(
     near: &RotationBound,
     covariance: &Mat3,
@@ -270,14 +271,15 @@ fn rotation_within_angle(
         if middle <= low || middle >= high {
             break;
         }
-        // NaN, 0/0 on an eigenvalue, is no length above 1.
+        // NaN, from 0/0 on an eigenvalue, is no length above 1.
         if length(middle) > 1.0 { low = middle } else { high = middle }
     }
     let mut parts = [0, 1, 2].map(|k| match high - values[k] {
         gap if gap > 0.0 => pulls[k] / gap,
         _ => 0.0,
     });
-    // Where nothing pulls along the best eigenvector, either way along it is as good.
+    // If the gradient along the best eigenvector is zero, both directions along it are equally
+    // good.
     let rest = 1.0 - math::dot(parts, parts);
     if rest > 0.0 {
         parts[2] += (parts[2] * parts[2] + rest).sqrt().copysign(parts[2]) - parts[2];

@@ -1,4 +1,4 @@
-//! Priors hold, and nothing that they allow is better.
+//! Results satisfy the prior, and no allowed pose is better.
 
 use super::*;
 use crate::moments::Moments;
@@ -68,7 +68,7 @@ proptest! {
         let moved = |by: f64, from: &Mat3| {
             math::mat_mul(&turn(math::scaled(math::normalized(other), by)), from)
         };
-        // Any that is allowed, and those beside the answer: few of all are as good as these.
+        // A random allowed rotation, and rotations near the result, the closest competitors.
         let allowed = moved(share * degrees.to_radians(), &turn(center));
         let beside = [-0.02, -0.002, 0.002, 0.02].map(|by| moved(by, &rotation));
         for other in beside.into_iter().filter(|other| angle(other) <= degrees).chain([allowed]) {
@@ -83,7 +83,7 @@ proptest! {
     ) {
         prop_assume!(math::norm(axis) > 0.1);
         let moments = moments(&pairs);
-        // The known rotation maps the direction itself: turns about it up to the angle.
+        // The known rotation maps the direction itself: rotations about it up to the angle.
         let image = math::mat_vec(&turn(center), axis);
         let near = RotationBound { vector: center, within_deg: degrees };
         let prior =
@@ -134,7 +134,7 @@ fn nothing_known_changes_no_bit() {
         let prior = Prior::default();
         let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &prior).unwrap();
         assert_eq!(plain, with);
-        // A bound that does not bind neither.
+        // An inactive bound changes nothing, either.
         let near = RotationBound { vector: [0.0; 3], within_deg: 180.0 };
         let wide = Prior { rotation: Some(near), ..prior };
         let with = solve_with(&moments, solver, ScaleEstimate::Umeyama, &wide).unwrap();
@@ -146,7 +146,7 @@ fn nothing_known_changes_no_bit() {
 fn a_known_rotation_leaves_the_translation() {
     let near = RotationBound { vector: [0.1, -0.2, 0.3], within_deg: 0.0 };
     let prior = Prior { rotation: Some(near), ..Prior::default() };
-    // One place twice determines no rotation.
+    // The same position twice constrains no rotation.
     let mut moments = Moments::about([0.0; 3], [0.0; 3]);
     moments.add_pair(1.0, [1.0, 2.0, 3.0], [4.0, 4.0, 4.0]);
     let found = solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, &prior).unwrap();
@@ -174,11 +174,11 @@ fn what_contradicts_or_is_out_of_range_says_so() {
         let error = solve(prior);
         assert!(matches!(error, Error::Config { field: "prior", .. }), "{error}");
     }
-    // A scale is bounded where it is estimated.
+    // A scale can be bounded only if it is estimated.
     let bounded = Prior { scale: Some([0.5, 2.0]), ..Prior::default() };
     let fixed = solve_with(&some(), Solver::Arun, ScaleEstimate::Fixed, &bounded);
     assert!(matches!(fixed, Err(Error::Config { field: "prior", .. })));
-    // Along the axis alone the turn about it is open.
+    // Points along the axis alone leave the rotation about it unconstrained.
     let line = moments(&[[0.0, 0.0, 1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0, 0.0, -1.0]]);
     let upright = Prior { direction: Some([[0.0, 0.0, 1.0]; 2]), ..Prior::default() };
     let open = solve_with(&line, Solver::Arun, ScaleEstimate::Fixed, &upright);
@@ -192,7 +192,7 @@ fn opposite_directions_and_bounds_at_a_half_turn() {
     let found = solve_with(&some(), Solver::Arun, ScaleEstimate::Fixed, &opposite).unwrap();
     let down = math::mat_vec(&found.transform.rotation, [0.0, 0.0, 1.0]);
     assert!(math::norm(math::sub(down, [0.0, 0.0, -1.0])) < 1e-12);
-    // The best rotation is half a turn away about an axis of symmetry: no side is better.
+    // The best rotation is half a turn away about an axis of symmetry: both directions are equal.
     let pairs = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
     let half = pairs.map(|[x, y, z]| [x, y, z, -x, -y, z]);
     let near = RotationBound { vector: [0.0; 3], within_deg: 60.0 };
