@@ -1,4 +1,4 @@
-//! Channels beside FPFH: points are alike when they look alike, too.
+//! Channels beside FPFH: points are similar if their channels are similar, too.
 
 use std::str::FromStr;
 
@@ -9,14 +9,14 @@ use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 
-/// A channel by which points are compared, and how much it matters.
+/// A channel by which points are compared, and its relative influence.
 ///
 /// As text `NAME` or `NAME:SHARE`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// Its name in both clouds.
     pub name: String,
-    /// How much it matters beside the whole FPFH, above 0 to 1000; default 1, as much.
+    /// Influence relative to the whole FPFH, above 0 to 1000; default 1, equal influence.
     #[serde(default = "one")]
     pub share: f64,
 }
@@ -61,7 +61,7 @@ impl FromStr for Channel {
     }
 }
 
-/// The values of `channels` in `cloud`, which errors call `name`.
+/// Returns the values of `channels` in `cloud`, called `name` in errors.
 pub(super) fn channel_values<'a>(
     channels: &[Channel],
     cloud: &'a PointCloud,
@@ -89,7 +89,7 @@ pub(super) fn channel_values<'a>(
     channels.iter().map(values).collect()
 }
 
-/// What the points of a cloud are compared by.
+/// The values by which points of a cloud are compared.
 #[derive(Clone, Copy)]
 pub(super) struct DescriptorsWithChannels<'a> {
     pub(super) descriptors: &'a Descriptors,
@@ -103,7 +103,7 @@ impl DescriptorsWithChannels<'_> {
     }
 }
 
-/// Mean over both sides, and root mean square distance from it; the same bits in either order.
+/// Mean over both sides, and root mean square deviation from it; the same bits in either order.
 fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     sides: &'a [DescriptorsWithChannels<'a>; 2],
     values: impl Fn(&'a DescriptorsWithChannels<'a>) -> V,
@@ -115,8 +115,8 @@ fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     (mean, ((squares(a) + squares(b)) / n).sqrt())
 }
 
-/// The descriptors of both clouds with their channels beside, as [`FeatureConfig::concatenate_channels`] says;
-/// `histogram` is that of the descriptors.
+/// Appends scaled channels to the descriptors of both clouds, see
+/// [`FeatureConfig::concatenate_channels`]; `histogram` is that of the descriptors.
 ///
 /// # Errors
 /// Those of [`Descriptors::new`].
@@ -134,7 +134,7 @@ pub(super) fn concatenate_scaled_channels(
     let scales: Vec<(f64, f64)> = (0..channels.len())
         .map(|c| {
             let (mean, spread) = mean_and_std(&sides, move |side| side.channel(c));
-            // Rounding alone is no difference.
+            // Rounding errors alone are no variation.
             let same = spread <= 1e-6 * mean.abs();
             (mean, if same { 0.0 } else { channels[c].share * whole / spread })
         })
@@ -152,16 +152,16 @@ pub(super) fn concatenate_scaled_channels(
 }
 
 impl FeatureConfig {
-    /// Puts the channels of both clouds beside their descriptors; without
-    /// [`channels`](Self::channels) nothing changes.
+    /// Appends the channels of both clouds to their descriptors; does nothing without
+    /// [`channels`](Self::channels).
     ///
     /// With S the root mean square distance of all descriptors of both clouds from their common
     /// mean, at least the root of the histogram's own β
-    /// ([`HistogramScale::default_beta`](crate::descriptor::HistogramScale::default_beta)), lest
-    /// shapes without features silence the channels: each channel is divided by its standard
-    /// deviation over both clouds and multiplied by its share times S. With a share of 1 two
-    /// points differ in the mean by the channel as much as by FPFH, whatever its unit;
-    /// d² = d²_FPFH + Σ (share S Δ/σ)². A channel that is the same everywhere says nothing.
+    /// ([`HistogramScale::default_beta`](crate::descriptor::HistogramScale::default_beta)), so that
+    /// channels keep their influence on shapes without features: each channel is divided by its
+    /// standard deviation over both clouds and multiplied by its share times S. With a share of 1
+    /// two points differ in the mean by the channel as much as by FPFH, whatever its unit; d² =
+    /// d²_FPFH + Σ (share S Δ/σ)². A constant channel has no influence.
     ///
     /// # Errors
     /// [`Error::Shape`] for sides that were not described by these settings, and those of

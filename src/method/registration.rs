@@ -1,4 +1,4 @@
-//! What a registration returns.
+//! The result of a registration.
 
 use std::time::Instant;
 
@@ -12,89 +12,88 @@ use crate::moments::Moments;
 use crate::normals::OrientedBy;
 use crate::verify::{self, Evaluation, Verdict, Warning};
 
-/// A pose, what it rests on, and what speaks against it.
+/// A pose, the data behind it, and its warnings.
 ///
-/// Serialises to the object that `cfreg register --json` prints; the
-/// README has its fields.
+/// Serialises to the object that `cfreg register --json` prints; the README has its fields.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
     pub transform: Transform,
-    /// The method and every setting that was in force; in JSON `method`, its name, and `config`.
+    /// The method and every setting in force; in JSON `method`, its name, and `config`.
     #[serde(flatten)]
     pub method: MethodRecord,
-    /// Whether there is no ground for doubt.
+    /// Whether there are no warnings.
     pub trusted: bool,
-    /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
-    /// `message`, too.
+    /// Warnings about the pose; empty if it can be trusted. In JSON each also has its text,
+    /// `message`.
     #[serde(serialize_with = "with_messages")]
     pub doubts: Vec<Warning>,
-    /// Whether to take the pose, with its probability, for methods that can tell and refinements
-    /// that stay with their pose; what is not to be taken is in `doubts` too.
+    /// Verdict on the pose, with its probability, for methods that verify and refinements that keep
+    /// their pose; a verdict that does not accept is also in `doubts`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// How the clouds lie on each other under the pose.
+    /// Fit of the clouds under the pose.
     pub evaluation: Evaluation,
-    /// √(Σw‖T p − q‖² / Σw): weighted root mean square over the connections, in the
-    /// target's unit. On a full connection it is of the size of the cloud even for the
-    /// perfect pose; it compares poses of one problem, not problems.
+    /// √(Σw‖T p − q‖² / Σw): weighted root mean square over the connections, in the target's unit.
+    /// On a full connection its size is that of the cloud even for the perfect pose; it compares
+    /// poses of one problem, not problems.
     pub weighted_rms: f64,
-    /// Squared bandwidth β of the kernel, for methods that weigh by descriptors: what
-    /// `auto` came to.
+    /// Squared bandwidth β of the kernel, for methods with weights by descriptors: the resolved
+    /// value of `auto`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
-    /// Number of connections that were weighed.
+    /// Number of weighted connections.
     pub connections: u64,
     /// Effective number of connections (Σw)²/Σw², from 1 to `connections`.
     pub effective_connections: f64,
-    /// Singular values of the weighted cross-covariance relative to the clouds' weighted
-    /// spread, in [0, 1], descending: how strongly, and in how many directions, the
-    /// weights tie the clouds together.
+    /// Singular values of the weighted cross-covariance relative to the clouds' weighted spread, in
+    /// [0, 1], descending: how strongly, and in how many directions, the weights constrain the
+    /// rotation.
     pub singular_values: [f64; 3],
-    /// The moments that were solved last.
+    /// The moments of the last solve.
     pub moments: Moments,
-    /// How often weights were made and solved; 1 for the methods of one step.
+    /// Number of solves, each with new weights; 1 for one-step methods.
     pub iterations: u32,
-    /// What ended the iterations.
+    /// The reason why the iterations ended.
     pub stop: StopReason,
-    /// Every iteration, where the configuration asks for a trace; else empty.
+    /// Every iteration, if the configuration requests a trace; else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<IterationRecord>,
     /// Points of both clouds, from file to solve.
     pub points: PointCounts,
     /// Wall-clock seconds of each stage, in the order in which they ran, and in total.
     pub time_s: Timings,
-    /// How far from the best the rotation can be, where the configuration asks for it and
-    /// the method can tell ([`Teaser::certify`](super::Teaser::certify)).
+    /// How far from the best the rotation can be, if the configuration requests a certificate and
+    /// the method can compute one ([`Teaser::certify`](super::Teaser::certify)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub certificate: Option<Certificate>,
-    /// The registration that was refined, when this is a refinement.
+    /// The registration that was refined, if this is a refinement.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined_from: Option<Box<Registration>>,
 }
 
 impl Registration {
-    /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
-    /// one, and it is finite and proper ([`verify::is_usable`]).
+    /// Returns whether the pose may be used: it has no warnings, its verdict, if any, accepts it,
+    /// and it is finite and proper ([`verify::is_usable`]).
     pub fn is_usable(&self) -> bool {
         let decision = self.verdict.as_ref().map(|verdict| verdict.decision);
         verify::is_usable(&self.transform, self.trusted, decision)
     }
 
-    /// With a verdict on its pose ([`Consensus::verify`](super::Consensus::verify)), which looks
-    /// closer than agreement and chance and replaces them as grounds for doubt.
+    /// Adds a verdict on the pose ([`Consensus::verify`](super::Consensus::verify)). It is stricter
+    /// than the fitness warnings and replaces them.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {
         self.doubts.retain(|doubt| {
             !matches!(doubt, Warning::LowFitness { .. } | Warning::HighChanceFitness { .. })
         });
-        // First, as it looks closest.
+        // First, as the strictest.
         self.doubts.splice(0..0, Warning::from_verdict(&verdict));
         self.trusted = self.doubts.is_empty();
         Registration { verdict: Some(verdict), ..self }
     }
 
-    /// The same with a verdict that `judge` gave. Where wrong rotations fit as well, and neither
-    /// channels nor a prior tell them apart, the pose is ambiguous.
+    /// Adds a verdict that `judge` gave. The pose is ambiguous if wrong rotations fit as well and
+    /// neither channels nor a prior distinguish them.
     pub(super) fn with_verdict_from(self, verdict: Verdict, judge: &Consensus) -> Self {
         let found = self.evaluation.chance_fitness;
         let most = verify::MAX_CHANCE_FITNESS_VERIFIED;
@@ -108,7 +107,7 @@ impl Registration {
     }
 }
 
-/// Doubts, each with what it says.
+/// Serialises warnings, each with its message.
 fn with_messages<S: Serializer>(
     doubts: &[Warning],
     serializer: S,
@@ -127,13 +126,13 @@ fn with_messages<S: Serializer>(
 /// Points of the two clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct PointCounts {
-    /// Of the source.
+    /// Counts of the source.
     pub source: CloudCounts,
-    /// Of the target.
+    /// Counts of the target.
     pub target: CloudCounts,
 }
 
-/// What became of the points of a cloud.
+/// Point counts of a cloud, stage by stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct CloudCounts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
@@ -141,22 +140,21 @@ pub struct CloudCounts {
     /// Rows that marked measurements without a return, and were left out
     /// ([`filter::find_no_returns`](crate::filter::find_no_returns)).
     pub no_returns: usize,
-    /// Points handed to the method.
+    /// Points passed to the method.
     pub used: usize,
-    /// Points found by the keypoint detector; `null` where none was asked for.
+    /// Points found by the keypoint detector; `null` if there is none.
     pub keypoints: Option<usize>,
-    /// Points whose descriptor is defined, and that were connected; all for methods
-    /// that use none.
+    /// Points with a defined descriptor, which were connected; all for methods without descriptors.
     pub described: usize,
-    /// Points a neighbourhood takes for descriptors: the configured k, or the size of the
-    /// cloud if that is smaller. `null` for neighbourhoods by radius.
+    /// Number of neighbours for descriptors: the configured k, or the size of the cloud if that is
+    /// smaller. `null` for neighbourhoods by radius.
     pub neighbors: Option<usize>,
-    /// What oriented the normals; `null` for methods that use none.
+    /// Source of the orientation of normals; `null` for methods without normals.
     pub oriented_by: Option<OrientedBy>,
 }
 
 impl CloudCounts {
-    /// Of a cloud whose points are connected as they are.
+    /// Returns the counts of a cloud whose points are all connected.
     pub(super) fn from_cloud(cloud: &PointCloud) -> Self {
         CloudCounts {
             dropped: cloud.dropped(),
@@ -175,7 +173,7 @@ impl CloudCounts {
 pub struct Timings(pub Vec<(&'static str, f64)>);
 
 impl Timings {
-    /// Runs `work` and adds its seconds under `stage` (to those already there).
+    /// Runs `work` and adds its seconds to those of `stage`.
     pub fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let value = work();
