@@ -213,7 +213,7 @@ impl CorrelationCell {
 struct NormalizedFrame {
     center: Vec3,
     radius: f64,
-    /// Of all surface pairs.
+    /// Sum over all surface pairs.
     weight: f64,
 }
 

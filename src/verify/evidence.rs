@@ -19,8 +19,8 @@ pub(crate) struct PoseEvidence {
     /// Share of one surface's points that overlap the other and face the same way, each weighted by
     /// how well; the larger of the two directions, in [0, 1].
     pub(crate) overlap: f64,
-    /// How much better than by chance the descriptors match where the surfaces overlap, in nats a
-    /// point, summed over both directions.
+    /// How much more similar than by chance the descriptors are where the surfaces overlap, in nats
+    /// a point, summed over both directions.
     pub(crate) descriptor_distinctiveness: f64,
     /// Sum of the inlier weights of the correspondences, at least 0.
     pub(crate) inlier_score: f64,
@@ -106,9 +106,9 @@ fn score_direction(
     sums
 }
 
-/// Returns how much better the descriptors of two points match than the first descriptor matches
-/// others of the second's surface: minus the logarithm of the share that matches as well, less 1,
-/// its mean for unrelated points. Flat patches, which match any other, score about 0.
+/// Returns how much more similar the descriptors of two points are than the first descriptor and
+/// others of the second's surface: minus the logarithm of the share that is as similar, less 1, its
+/// mean for unrelated points. Flat patches, similar to any other, score about 0.
 fn descriptor_distinctiveness(from: &Surface, onto: &Surface, i: usize, j: usize) -> f64 {
     let row = from.descriptors.row(i);
     let distance = |j: usize| squared_descriptor_distance(row, onto.descriptors.row(j));
