@@ -1,4 +1,4 @@
-//! ICP from a pose that is given: pairs as long as that pose may be off, and no longer.
+//! ICP from a given pose: the largest pair distance follows from the expected error of that pose.
 
 use super::{Cached, Icp, Refine, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -8,25 +8,25 @@ use crate::math;
 use crate::par;
 use crate::search::SearchTree;
 
-/// Longest pairs of ICP, in lengths that clouds of 5000 points are thinned to: where clouds
-/// overlap in part, longer ones draw them together.
+/// Smallest limit on the pair distance of ICP, in voxel sizes of clouds downsampled to 5000 points:
+/// where clouds overlap in part, longer pairs draw them together. Chosen by hand.
 pub(super) const MAX_REFINE_DISTANCE: f64 = 2.0;
-/// Share of the points that are taken to overlap at the least. Chosen by hand.
+/// Smallest overlap that is assumed, as a share of the points. Chosen by hand.
 const MIN_OVERLAP: f64 = 0.2;
-/// How much longer pairs may be than those of that share: the surfaces may be off by more than
-/// the nearest points are. Chosen by hand.
+/// Factor from the distance of that share to the largest pair distance: the surfaces may be farther
+/// off than the nearest points are. Chosen by hand.
 const DISTANCE_FACTOR: f64 = 4.0;
-/// Rounds end when pairs become shorter by less than this share. Chosen by hand.
+/// Rounds end when the limit shrinks by less than this factor. Chosen by hand.
 const CONVERGENCE_RATIO: f64 = 0.7;
-/// Most rounds.
+/// Most rounds. Chosen by hand.
 const MAX_ROUNDS: usize = 6;
-/// Longest bound that ICP takes.
+/// Largest pair distance that ICP accepts.
 const MAX_DISTANCE: f64 = 1e15;
-/// Points that distances are measured at.
+/// Number of points at which distances are measured. Chosen by hand.
 const MAX_SAMPLES: usize = 1000;
 
-/// Refines the pose `initial` by pairs whose bound follows from the clouds, and shrinks as the
-/// pose improves.
+/// Refines the pose `initial` with a largest pair distance that follows from the clouds and shrinks
+/// as the pose improves.
 ///
 /// # Errors
 /// Those of [`Refine::refine`].
@@ -42,7 +42,7 @@ pub(super) fn refine_with_distance_limit(
     let shortest = MAX_REFINE_DISTANCE * (from * initial.scale).max(onto);
     let few = [source, target].iter().any(|end| end.cloud.len() < 3);
     if few || !(shortest > 0.0 && shortest < MAX_DISTANCE) {
-        // Clouds without a size: the method itself says what is wrong with them.
+        // Clouds without extent: the method itself reports the error.
         return icp.refine_cached(source, target, initial);
     }
     let mut found: Option<Registration> = None;
@@ -68,8 +68,8 @@ pub(super) fn refine_with_distance_limit(
     found.ok_or(Error::NO_WEIGHT)
 }
 
-/// Distance within which [`MIN_OVERLAP`] of the points of one cloud have a point of the other, of the
-/// cloud for which it is shorter.
+/// Returns the distance within which [`MIN_OVERLAP`] of the points of one cloud have a point of the
+/// other, the smaller of both directions.
 fn overlap_distance(source: &PointCloud, target: &PointCloud, pose: &Transform) -> Result<f64> {
     let moved = |p| math::sub(pose.apply(p), target.origin()).map(|x| x as f32);
     let moved: Vec<[f32; 3]> = source.positions().map(moved).collect();

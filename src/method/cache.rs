@@ -1,4 +1,4 @@
-//! What is made of one cloud alone, kept for its further pairs.
+//! Values computed from one cloud alone, cached for its further pairs.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
@@ -8,30 +8,30 @@ use crate::error::Result;
 use crate::par;
 use crate::search;
 
-/// What methods have made of one cloud alone: normals, descriptors, surfaces.
+/// Cache of values that methods compute from one cloud alone: normals, descriptors, surfaces.
 ///
-/// It belongs to one cloud; with another, its answers are wrong. Results are the same bits
-/// with a cache and without.
+/// A cache belongs to one cloud; with another cloud its values are wrong. Results are the same bits
+/// with and without a cache.
 #[derive(Default)]
 pub struct Cache(Mutex<Vec<Entry>>);
 
-/// A cloud of a pair, with what was made of it before where that is kept.
+/// A cloud of a pair, with its cache if there is one.
 #[derive(Clone, Copy)]
 pub struct Cached<'a> {
     /// The cloud.
     pub cloud: &'a PointCloud,
-    /// What was made of it; `None`: nothing is kept.
+    /// Cache of the cloud; `None`: nothing is cached.
     pub cache: Option<&'a Cache>,
 }
 
-/// What can be kept.
+/// A value that can be cached.
 pub(super) trait HeapSize: Any + Send + Sync {
-    /// Bytes that it takes, about.
+    /// Approximate size in bytes.
     fn bytes(&self) -> usize;
 }
 
-/// Things of a kind that are kept: those made by settings that follow from the partner too
-/// would otherwise grow with the number of pairs.
+/// Most cached values per key type: values whose settings also depend on the partner cloud would
+/// otherwise grow with the number of pairs. Chosen by hand.
 const MAX_ENTRIES_PER_KEY_TYPE: usize = 4;
 
 struct Entry {
@@ -45,9 +45,9 @@ struct CachedValue {
 }
 
 impl Cache {
-    /// Bytes of what is kept, about.
+    /// Approximate size of the cached values in bytes.
     pub fn bytes(&self) -> usize {
-        // What another thread is making right now is counted once it is there.
+        // A value that another thread is computing is counted once it is finished.
         let of = |entry: &Entry| match entry.slot.try_lock() {
             Ok(made) => made.as_ref().map_or(0, |made| (made.bytes)()),
             Err(_) => 0,
@@ -55,10 +55,12 @@ impl Cache {
         lock(&self.0).iter().map(of).sum()
     }
 
-    /// What was made under `key`, by `make` where that is not kept; errors are not.
+    /// Returns the value cached under `key`, or computes it by `make` and caches it; errors are not
+    /// cached.
     ///
-    /// Within a [worker pool](par::worker_pool) a second caller waits while the first makes it. Elsewhere it
-    /// makes its own: the thread that waits might be the one whose work is waited for.
+    /// Within a [worker pool](par::worker_pool) a second caller waits while the first computes.
+    /// Elsewhere it computes its own value: the first caller might be waiting for work of the
+    /// second.
     pub(super) fn get_or_compute<K, T>(
         &self,
         key: K,
@@ -86,8 +88,8 @@ impl Cache {
         Ok(value)
     }
 
-    /// The place of what is made under `key`, the last of all that are used; of a kind the
-    /// least recently used is given up.
+    /// Returns the slot of `key` and makes it the most recently used; evicts the least recently
+    /// used slot of the key type if there are too many.
     fn slot<K: PartialEq + Send + 'static>(&self, key: K) -> Arc<Mutex<Option<CachedValue>>> {
         let mut entries = lock(&self.0);
         let of_kind = |entry: &Entry| entry.key.is::<K>();
@@ -109,7 +111,7 @@ impl Cache {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What was not finished when a thread unwound is not there.
+    // A slot whose thread unwound before it finished is empty.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -130,8 +132,8 @@ impl HeapSize for f64 {
 }
 
 impl<'a> Cached<'a> {
-    /// The points of the cloud that count, which are `counting`; what was made of all of them is
-    /// of use only where those are all.
+    /// Replaces the cloud by `counting`, its points that count; the cache is kept only if these are
+    /// all points.
     pub(super) fn restrict_to(self, counting: &'a PointCloud) -> Cached<'a> {
         match counting.len() == self.cloud.len() {
             true => self,
@@ -139,7 +141,7 @@ impl<'a> Cached<'a> {
         }
     }
 
-    /// What is made of the cloud under `key`.
+    /// Returns the cloud's value under `key`, cached or computed.
     pub(super) fn get_or_compute<K, T>(
         &self,
         key: K,
@@ -155,7 +157,7 @@ impl<'a> Cached<'a> {
         }
     }
 
-    /// The cloud's [resolution](search::resolution).
+    /// Returns the cloud's [resolution](search::resolution).
     pub(super) fn resolution(&self) -> Result<f64> {
         self.get_or_compute(ResolutionKey, || search::resolution(self.cloud.points()))
             .map(|found| *found)
@@ -186,10 +188,10 @@ mod tests {
             cache.get_or_compute(key, make).unwrap()
         };
         assert_eq!((get(10).as_str(), get(10).as_str(), made.get()), ("10", "10", 1));
-        // Another kind of key with the same number.
+        // Another key type with the same number.
         assert_eq!(*cache.get_or_compute(10u64, || Ok(String::from("other"))).unwrap(), "other");
         assert_eq!(cache.bytes(), 7);
-        // Of a kind the least recently used goes; the other kind stays.
+        // The least recently used key of its type is evicted; the other key type is unchanged.
         for key in [11, 12, 13, 10, 14] {
             get(key);
         }
@@ -215,7 +217,7 @@ mod tests {
         let cache = Cache::default();
         let own = || Ok(String::from("own"));
         let outer = cache.get_or_compute(1, || {
-            // As a loop would that the making thread takes up while it waits.
+            // As a loop would that the computing thread runs while it waits.
             assert_eq!(*cache.get_or_compute(1, own).unwrap(), "own");
             Ok(String::from("outer"))
         });

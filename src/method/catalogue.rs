@@ -1,4 +1,4 @@
-//! The methods that have a name.
+//! The named methods.
 
 use std::str::FromStr;
 
@@ -13,13 +13,13 @@ use crate::error::{Error, Result};
 use crate::par;
 use crate::pose::Prior;
 
-/// A named method with its configuration: what `--method` chooses, and what a
-/// [`Registration`] carries as the record of how it was made.
+/// A named method with its configuration: the value of `--method`, and the record in a
+/// [`Registration`] of how it was computed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Method {
-    /// Matches that agree, judged on the surfaces: [`Consensus`].
+    /// Consistent correspondences, verified on the surfaces: [`Consensus`].
     Consensus(Consensus),
     /// The paper's full connection: [`Cf`].
     Cf(Cf),
@@ -33,12 +33,12 @@ pub enum Method {
     Cpd(Cpd),
     /// Density-adaptive registration: [`Dare`].
     Dare(Dare),
-    /// Truncated least squares on matches: [`Teaser`].
+    /// Truncated least squares on correspondences: [`Teaser`].
     Teaser(Teaser),
 }
 
 impl Method {
-    /// The names `--method` takes.
+    /// The names that `--method` accepts.
     pub const NAMES: [&'static str; 12] = [
         "consensus",
         "cf",
@@ -54,7 +54,7 @@ impl Method {
         "teaser",
     ];
 
-    /// The method's name.
+    /// Returns the method's name.
     pub fn name(&self) -> &'static str {
         match self {
             Method::Consensus(_) => "consensus",
@@ -68,7 +68,7 @@ impl Method {
         }
     }
 
-    /// The method as one that starts from a pose; `None` for those that need none.
+    /// Returns the method as a refinement; `None` for methods that do not start from a pose.
     pub fn as_refinement(&self) -> Option<&dyn Refine> {
         match self {
             Method::Icp(icp) => Some(icp),
@@ -79,7 +79,7 @@ impl Method {
         }
     }
 
-    /// The search that verifies poses of the method, by its channels and its prior.
+    /// Returns the search that verifies poses of the method, with its channels and its prior.
     pub fn verifier(&self) -> Consensus {
         let (prior, channels) = match self {
             Method::Consensus(method) => return method.clone(),
@@ -95,12 +95,12 @@ impl Method {
         Consensus { prior, channels: channels.to_vec(), ..Consensus::default() }
     }
 
-    /// Whether a registration takes about as long as a [verdict](super::Consensus::verify) on its
-    /// pose, or longer: then every pose of a list is verified by default.
+    /// Returns whether a registration takes about as long as a [verdict](super::Consensus::verify)
+    /// on its pose, or longer: then every pose of a list is verified by default.
     ///
     /// On three real pairs of 500, 5,000 and 30,000 points, one thread, a verdict takes 2 to 60
-    /// times as long as `icp`, `plane-icp` and `gicp`, and 17, 2 and 0.1 times as long as `cf`;
-    /// 0.3 to 4 times as long as `cfk` and `teaser` at 5,000 points, less than a third of
+    /// times as long as `icp`, `plane-icp` and `gicp`, and 17, 2 and 0.1 times as long as `cf`; 0.3
+    /// to 4 times as long as `cfk` and `teaser` at 5,000 points, less than a third of
     /// `cf-multiscale`, `cpd`, `dare` and `kc` (`time_s` of `cfreg register --sample N --json`).
     pub fn is_slower_than_verdict(&self) -> bool {
         match self {
@@ -110,7 +110,7 @@ impl Method {
         }
     }
 
-    /// Checks the ranges of all settings, which a registration does too.
+    /// Checks the ranges of all settings, as a registration does.
     ///
     /// # Errors
     /// [`Error::Config`] that names the setting.
@@ -129,7 +129,7 @@ impl Method {
         par::check_threads(threads)
     }
 
-    /// The answer, or the error with what may help in settings that the method has.
+    /// Adds advice on the method's settings to an error without weight.
     pub(crate) fn with_advice<T>(&self, found: Result<T>) -> Result<T> {
         found.map_err(|error| match error {
             Error::NoWeight { .. } => Error::NoWeight { advice: self.advice() },
@@ -137,7 +137,7 @@ impl Method {
         })
     }
 
-    /// What may help where no connection has weight.
+    /// Advice if no connection has weight.
     fn advice(&self) -> &'static str {
         match self {
             Method::Consensus(_) => "try another voxel, channels, or a prior that allows more",
@@ -166,7 +166,7 @@ impl Method {
 impl FromStr for Method {
     type Err = Error;
 
-    /// The method of that name with its defaults.
+    /// Returns the method of that name with its defaults.
     fn from_str(name: &str) -> Result<Self> {
         Ok(match name {
             "consensus" => Method::Consensus(Consensus::default()),

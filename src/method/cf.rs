@@ -16,16 +16,16 @@ use crate::search::Neighborhood;
 use crate::verify::{FitnessRule, MIN_KEYPOINTS, Warning};
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// Full Connection Form Solution (the paper, section III): describe every point by FPFH,
-/// connect all pairs, weigh each by descriptor similarity, solve once in closed form.
+/// Full Connection Form Solution (the paper, section III): describe every point by FPFH, connect
+/// all pairs, weight each by descriptor similarity, solve once in closed form.
 ///
-/// Finds any rotation without an initial guess, for clouds that show the same surface. It
-/// has no means against partial overlap: below about nine tenths (four fifths with
-/// [`multiscale`](Cf::multiscale)) the pose is pulled away, and the result says so.
+/// Finds any rotation without an initial pose, for clouds of the same surface. The method does not
+/// handle partial overlap: below about nine tenths (four fifths with
+/// [`multiscale`](Cf::multiscale)) the pose is biased, and the result has a warning.
 ///
-/// Weights of points ([`PointCloud::with_weights`]) multiply the weights of their connections
-/// once these are normalised ([`FullConnection::with_point_weights`]); points of any weight
-/// describe their surroundings.
+/// Weights of points ([`PointCloud::with_weights`]) multiply the weights of their connections after
+/// normalisation ([`FullConnection::with_point_weights`]); points of any weight are used for the
+/// descriptors of their neighbours.
 ///
 /// ```
 /// use cfreg::{method::{Cf, Register}, weight::WeightScheme};
@@ -39,16 +39,16 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Cf {
-    /// How points are described.
+    /// Settings of the descriptors.
     #[serde(flatten)]
     pub features: FeatureConfig,
     /// Kernel of the squared descriptor distance; default the paper's Gaussian.
     pub weights: WeightScheme,
-    /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12, or
-    /// how it follows from the descriptors ([`Bandwidth::Auto`]). Default that of the
-    /// histogram's scale ([`HistogramScale::default_beta`]: the paper's 100). Smaller
-    /// trusts fewer, more similar pairs; raise it when the weights vanish or the effective
-    /// connections fall below the number of points.
+    /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12, or a rule by
+    /// which it follows from the descriptors ([`Bandwidth::Auto`]). Default that of the histogram's
+    /// scale ([`HistogramScale::default_beta`]: the paper's 100). A smaller β trusts fewer, more
+    /// similar pairs; raise it when the weights vanish or the effective connections fall below the
+    /// number of points.
     ///
     /// [`HistogramScale::default_beta`]: crate::descriptor::HistogramScale::default_beta
     pub beta: Option<Bandwidth>,
@@ -56,29 +56,29 @@ pub struct Cf {
     /// partial overlap and repeated structure, at three times the cost.
     pub normalization: Normalization,
     /// Largest share of the weight that may be left out to save time, at least 0 and below 1;
-    /// default 0, every connection weighed. Only what provably weighs that little is left out
-    /// ([`FullConnection::pruned_moments`] has the promise), and only from 5·10⁷
-    /// connections on: two clouds of 7,100 points. Set 1e-3 for clouds that large: half the
-    /// time at 30,000 points, a quarter at 100,000 (Stanford dragon), the rotation within 1e-4
-    /// degrees. Of no use with kernels of heavy tails as `cauchy`.
+    /// default 0, every connection weighted. Only connections of provably that little weight are
+    /// left out ([`FullConnection::pruned_moments`] has the guarantee), and only from 5·10⁷
+    /// connections on: two clouds of 7,100 points. Set 1e-3 for clouds that large: half the time at
+    /// 30,000 points, a quarter at 100,000 (Stanford dragon), the rotation within 1e-4 degrees. No
+    /// gain with heavy-tailed kernels such as `cauchy`.
     pub tolerance: f64,
-    /// Closed form; all give the same answer.
+    /// Closed-form solver; all give the same pose.
     pub solver: Solver,
     /// Whether the clouds may differ in scale; default no.
     pub scale: ScaleEstimate,
-    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    /// Constraints on the pose ([`Prior`]); default none.
     pub prior: Prior,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
 impl Cf {
-    /// The best of the study of weight schemes, still one step: descriptors at three
-    /// scales, each with normals of its own and a point's own histogram in it (Open3D's
+    /// Returns the best configuration of the study of weight schemes, still one step: descriptors
+    /// at three scales, each with its own normals and including a point's own histogram (Open3D's
     /// scale), a bandwidth from the descriptors, dual softmax.
     ///
-    /// On independent samples a quarter of the default's rotation error, at five to six
-    /// times its cost (500 to 10,000 points, `cfreg reproduce --only scaling`).
+    /// On independent samples a quarter of the default's rotation error, at five to six times its
+    /// cost (500 to 10,000 points, `cfreg reproduce --only scaling`).
     ///
     /// ```
     /// use cfreg::method::{Cf, Register};
@@ -107,12 +107,12 @@ impl Cf {
         }
     }
 
-    /// The settings with every default that depends on another filled in.
+    /// Returns the settings with all dependent defaults filled in.
     pub fn resolved(&self) -> Cf {
         Cf { beta: Some(self.bandwidth()), ..self.clone() }
     }
 
-    /// The bandwidth, the histogram's where none is set.
+    /// Returns the bandwidth; the histogram's default if none is set.
     pub fn bandwidth(&self) -> Bandwidth {
         self.beta.unwrap_or_else(|| self.features.histogram.default_beta().into())
     }
@@ -129,11 +129,11 @@ impl Cf {
         self.bandwidth().validate()
     }
 
-    /// Registers with weights of one's own: `weigh` makes the moments of the full connection,
-    /// in place of [`weights`](Self::weights), [`beta`](Self::beta),
-    /// [`normalization`](Self::normalization) and [`tolerance`](Self::tolerance).
+    /// Registers with custom weights: `weigh` computes the moments of the full connection, in place
+    /// of [`weights`](Self::weights), [`beta`](Self::beta), [`normalization`](Self::normalization)
+    /// and [`tolerance`](Self::tolerance).
     ///
-    /// The configuration that the result carries says `custom` for the weights.
+    /// The configuration in the result has `custom` for the weights.
     ///
     /// ```
     /// use cfreg::{method::Cf, weight::Normalization};
@@ -162,13 +162,13 @@ impl Cf {
         })?
     }
 
-    /// The settings with weights that have no name.
+    /// Returns the settings with unnamed weights.
     pub(super) fn with_custom_weights(&self) -> Cf {
         let (weights, normalization) = (WeightScheme::Custom, Normalization::None);
         Cf { weights, beta: None, normalization, tolerance: 0.0, ..self.clone() }
     }
 
-    /// Moments by the configured weights, and the bandwidth that they had.
+    /// Computes the moments by the configured weights, and their bandwidth.
     pub(super) fn weighted_moments(
         &self,
         connection: &FullConnection,
@@ -179,8 +179,8 @@ impl Cf {
         Ok((moments, Some(beta)))
     }
 
-    /// Registers all points, or the keypoints of `detector`; `record` is that of
-    /// the method that asks, with its resolved settings.
+    /// Registers all points, or the keypoints of `detector`; `record` is that of the calling
+    /// method, with its resolved settings.
     pub(super) fn run(
         &self,
         [source, target]: [Cached<'_>; 2],

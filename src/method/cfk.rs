@@ -9,16 +9,16 @@ use crate::keypoint::Keypoints;
 use crate::moments::{FullConnection, Moments};
 use crate::par;
 
-/// The paper's variant on keypoints (section III): as [`Cf`], but only the keypoints are
-/// described and connected, each from all points around it. Cost falls from N² to n² pairs.
+/// The paper's variant on keypoints (section III): as [`Cf`], but only the keypoints are described
+/// and connected, each from all points around it. Cost falls from N² to n² pairs.
 ///
-/// By default a seventh to a fifth of the points; on the paper's protocols the median error
-/// is then up to an eighth above [`Cf`]'s ([`Sift`] has the figures, and those of fewer
-/// keypoints). The result counts the keypoints of either cloud. Fewer than three are an
-/// error, fewer than [`MIN_KEYPOINTS`](crate::verify::MIN_KEYPOINTS) a doubt.
+/// By default a seventh to a fifth of the points; on the paper's protocols the median error is then
+/// up to an eighth above [`Cf`]'s ([`Sift`] has the figures, and those of fewer keypoints). The
+/// result counts the keypoints of either cloud. Fewer than three are an error, fewer than
+/// [`MIN_KEYPOINTS`](crate::verify::MIN_KEYPOINTS) a warning.
 ///
-/// PCL describes the mean of a voxel where [`Sift`] finds an extremum, this the cloud's
-/// point nearest to it.
+/// PCL describes the mean of a voxel where [`Sift`] finds an extremum; this crate describes the
+/// cloud's point nearest to that mean.
 ///
 /// [`Sift`]: crate::keypoint::Sift
 ///
@@ -35,7 +35,7 @@ use crate::par;
 pub struct Cfk {
     /// The detector; default SIFT on the curvature, as in the paper.
     pub keypoints: Keypoints,
-    /// Everything else, as in [`Cf`].
+    /// All other settings, as in [`Cf`].
     #[serde(flatten)]
     pub cf: Cf,
 }
@@ -50,7 +50,7 @@ impl Cfk {
         self.cf.validate()
     }
 
-    /// Registers with weights of one's own, see [`Cf::register_with`].
+    /// Registers with custom weights, see [`Cf::register_with`].
     ///
     /// # Errors
     /// As [`Register::register`], and those of `weigh`.

@@ -1,4 +1,4 @@
-//! Channels beside FPFH: points are alike when they look alike, too.
+//! Channels beside FPFH: points are similar if their channels are similar, too.
 
 use std::str::FromStr;
 
@@ -8,14 +8,14 @@ use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 
-/// A channel by which points are compared, and how much it matters.
+/// A channel by which points are compared, and its relative influence.
 ///
 /// As text `NAME` or `NAME:SHARE`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Channel {
     /// Its name in both clouds.
     pub name: String,
-    /// How much it matters beside the whole FPFH, above 0 to 1000; default 1, as much.
+    /// Influence relative to the whole FPFH, above 0 to 1000; default 1, equal influence.
     #[serde(default = "one")]
     pub share: f64,
 }
@@ -60,7 +60,7 @@ impl FromStr for Channel {
     }
 }
 
-/// The values of `channels` in `cloud`, which errors call `name`.
+/// Returns the values of `channels` in `cloud`, called `name` in errors.
 pub(super) fn channel_values<'a>(
     channels: &[Channel],
     cloud: &'a PointCloud,
@@ -88,7 +88,7 @@ pub(super) fn channel_values<'a>(
     channels.iter().map(values).collect()
 }
 
-/// What the points of a cloud are compared by.
+/// The values by which points of a cloud are compared.
 #[derive(Clone, Copy)]
 pub(super) struct DescriptorsWithChannels<'a> {
     pub(super) descriptors: &'a Descriptors,
@@ -102,7 +102,7 @@ impl DescriptorsWithChannels<'_> {
     }
 }
 
-/// Mean over both sides, and root mean square distance from it; the same bits in either order.
+/// Mean over both sides, and root mean square deviation from it; the same bits in either order.
 fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     sides: &'a [DescriptorsWithChannels<'a>; 2],
     values: impl Fn(&'a DescriptorsWithChannels<'a>) -> V,
@@ -114,8 +114,8 @@ fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     (mean, ((squares(a) + squares(b)) / n).sqrt())
 }
 
-/// The descriptors of both clouds with their channels beside, as [`FeatureConfig::concatenate_channels`] says;
-/// `histogram` is that of the descriptors.
+/// Appends scaled channels to the descriptors of both clouds, see
+/// [`FeatureConfig::concatenate_channels`]; `histogram` is that of the descriptors.
 ///
 /// # Errors
 /// Those of [`Descriptors::new`].
@@ -133,7 +133,7 @@ pub(super) fn concatenate_scaled_channels(
     let scales: Vec<(f64, f64)> = (0..channels.len())
         .map(|c| {
             let (mean, spread) = mean_and_std(&sides, move |side| side.channel(c));
-            // Rounding alone is no difference.
+            // Rounding errors alone are no variation.
             let same = spread <= 1e-6 * mean.abs();
             (mean, if same { 0.0 } else { channels[c].share * whole / spread })
         })

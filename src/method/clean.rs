@@ -1,4 +1,4 @@
-//! Clouds as methods take them: without marks of missing returns, one point a place.
+//! Clouds as methods use them: without marks of missing returns, one point per position.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use crate::error::Result;
 use crate::filter;
 
 /// A cloud without the rows that mark missing returns, and with one point for rows that share a
-/// place.
+/// position.
 pub(super) struct CleanCloud<'a> {
-    /// As it was handed in.
+    /// The input cloud.
     cloud: Cached<'a>,
     clean: Arc<CleanedPoints>,
 }
 
-/// Points that differ from those that were handed in, and what is made of them.
+/// The points if they differ from the input, and their cache.
 struct CleanedPoints {
-    /// `None`: all of them, as they are.
+    /// `None`: all points, unchanged.
     cloud: Option<PointCloud>,
     cache: Cache,
 }
@@ -49,7 +49,7 @@ impl HeapSize for CleanedPoints {
     }
 }
 
-/// The points that a method takes of `cloud`; `None` where it takes all, as they are.
+/// Returns the points of `cloud` that a method uses; `None` if it uses all, unchanged.
 pub(super) fn clean_points(
     cloud: &PointCloud,
     keep_no_returns: bool,

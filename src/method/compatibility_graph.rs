@@ -1,4 +1,4 @@
-//! Which matches are consistent with which: the graph that cliques are sought in.
+//! Consistency of pairs of correspondences: the graph in which cliques are searched.
 
 use crate::par;
 
@@ -11,7 +11,7 @@ pub(super) struct CompatibilityGraph {
 }
 
 impl CompatibilityGraph {
-    /// The graph of `len` vertices with an edge where the symmetric `joined` says so.
+    /// Builds the graph of `len` vertices with an edge if the symmetric `has_edge` returns true.
     pub(super) fn new(len: usize, has_edge: impl Fn(usize, usize) -> bool + Sync) -> Self {
         let words = len.div_ceil(64).max(1);
         let mut bits = vec![0; len * words];
@@ -24,7 +24,7 @@ impl CompatibilityGraph {
         CompatibilityGraph { len, words, bits }
     }
 
-    /// The graph of `vertices` alone, numbered by their place in the list.
+    /// Returns the subgraph of `vertices`, numbered by their position in the list.
     pub(super) fn induced_subgraph(&self, vertices: &[usize]) -> CompatibilityGraph {
         let words = vertices.len().div_ceil(64).max(1);
         let mut bits = vec![0; vertices.len() * words];
@@ -40,7 +40,7 @@ impl CompatibilityGraph {
         self.len
     }
 
-    /// Words a row.
+    /// Number of words per row.
     pub(super) fn words_per_row(&self) -> usize {
         self.words
     }
@@ -58,12 +58,12 @@ impl CompatibilityGraph {
     }
 }
 
-/// Number of bits set.
+/// Counts the set bits.
 pub(super) fn count_set_bits(bits: &[u64]) -> usize {
     bits.iter().map(|word| word.count_ones() as usize).sum()
 }
 
-/// Places of the bits set, ascending.
+/// Returns the positions of the set bits, ascending.
 pub(super) fn set_bits(bits: &[u64]) -> impl Iterator<Item = usize> + '_ {
     bits.iter().enumerate().flat_map(|(at, &word)| {
         let next = |rest: &u64| Some(rest & (rest - 1)).filter(|&rest| rest != 0);

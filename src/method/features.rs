@@ -1,4 +1,4 @@
-//! A cloud with its descriptors: done once, used for any number of pairs.
+//! A cloud with its descriptors: computed once, used for any number of pairs.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,36 +17,36 @@ use crate::moments::{FeatureView, FullConnection};
 use crate::normals::{self, Normals, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 
-/// How a cloud is described: normals, then FPFH.
+/// Settings of the descriptors of a cloud: normals, then FPFH.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FeatureConfig {
-    /// Neighbourhood of descriptors. Default the paper's 150 nearest points (section
-    /// IV-A). Fewer make descriptors more local: better under partial overlap, worse
-    /// under noise. A radius suits clouds of known unit and uneven density.
+    /// Neighbourhood of descriptors. Default the paper's 150 nearest points (section IV-A). Fewer
+    /// make descriptors more local: better under partial overlap, worse under noise. A radius suits
+    /// clouds of known unit and uneven density.
     pub neighborhood: Neighborhood,
-    /// More scales, whose descriptors are put beside ([`Descriptors::concatenate`]), so that
-    /// points are alike when they are alike at every scale. Default none, as in the paper.
+    /// More scales, whose descriptors are concatenated ([`Descriptors::concatenate`]), so that
+    /// similar points are similar at every scale. Default none, as in the paper.
     pub more_scales: Vec<DescriptorScale>,
-    /// Neighbourhood of normals; default that of the descriptors, as in the paper. A
-    /// smaller one keeps edges.
+    /// Neighbourhood of normals; default that of the descriptors, as in the paper. A smaller
+    /// neighbourhood keeps edges.
     pub normal_neighborhood: Option<Neighborhood>,
-    /// Which way normals point. Default towards the viewpoint; [`Orientation::Outward`]
-    /// for whole objects that were seen from all sides.
+    /// Orientation of normals. Default towards the viewpoint; [`Orientation::Outward`] for whole
+    /// objects that were seen from all sides.
     pub orientation: Orientation,
-    /// Whose FPFH: PCL's (default, the paper's) or Open3D's.
+    /// Scale of FPFH: PCL's (default, the paper's) or Open3D's.
     pub histogram: HistogramScale,
-    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, as
-    /// intensity and colours; default none. Where shape alone is ambiguous they decide.
+    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, such as
+    /// intensity and colours; default none. Channels resolve ambiguous shapes.
     pub channels: Vec<Channel>,
 }
 
-/// One more scale at which points are described.
+/// An additional scale at which points are described.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DescriptorScale {
     /// Neighbourhood of its descriptors.
     pub neighborhood: Neighborhood,
-    /// Neighbourhood of its normals; default: its normals are those of the first scale.
+    /// Neighbourhood of its normals; default: the normals of the first scale.
     #[serde(default)]
     pub normal_neighborhood: Option<Neighborhood>,
 }
@@ -70,9 +70,10 @@ pub struct FeatureCloud {
     points: Vec<[f32; 3]>,
     origin: [f64; 3],
     pub(super) descriptors: Descriptors,
-    /// Of the points, in shares of the mean over the cloud, where it has any.
+    /// Weights of the points relative to the mean over the cloud; `None` if the cloud has no
+    /// weights.
     weights: Option<Vec<f32>>,
-    /// Values of [`FeatureConfig::channels`] at the points, until they are joined.
+    /// Values of [`FeatureConfig::channels`] at the points, until they are concatenated.
     pub(super) channels: Vec<Vec<f32>>,
     counts: CloudCounts,
 }
@@ -99,12 +100,13 @@ impl FeatureConfig {
         })
     }
 
-    /// Describes `cloud`; `name` is what errors call it. Stage times are added to `times`.
+    /// Computes the descriptors of `cloud`; `name` is its name in errors. Adds stage times to
+    /// `times`.
     ///
     /// # Errors
-    /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no
-    /// point has a defined normal (all on a line or in one place), [`Error::Config`] when the
-    /// cloud lacks one of [`channels`](Self::channels), and those of [`normals::estimate`].
+    /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no point has
+    /// a defined normal (all on a line or at one position), [`Error::Config`] when the cloud lacks
+    /// one of [`channels`](Self::channels), and those of [`normals::estimate`].
     pub fn extract(
         &self,
         cloud: &PointCloud,
@@ -114,12 +116,12 @@ impl FeatureConfig {
         self.extract_at_keypoints(cloud, name, None, times)
     }
 
-    /// The same for the points that `detector` finds: they alone are described, from all
-    /// points around them.
+    /// Computes the descriptors at the points that `detector` finds, each from all points around
+    /// it.
     ///
     /// # Errors
-    /// Those of [`extract`](Self::extract) and [`Keypoints::detect`];
-    /// [`Error::TooFewPoints`] for fewer than three keypoints with a descriptor.
+    /// Those of [`extract`](Self::extract) and [`Keypoints::detect`]; [`Error::TooFewPoints`] for
+    /// fewer than three keypoints with a descriptor.
     pub fn extract_at_keypoints(
         &self,
         cloud: &PointCloud,
@@ -136,7 +138,7 @@ impl FeatureConfig {
         let channels = channel_values(&self.channels, cloud, name)?;
         let find = |neighborhood| Neighbors::find(points, neighborhood);
         let neighbors = times.time("neighbors", || find(self.neighborhood))?;
-        // One search serves both where both ask the same; stored normals need none.
+        // One search is enough if both neighbourhoods are equal; stored normals need none.
         let estimated = |around: &Neighbors, at, normal: Option<Neighborhood>, t: &mut Timings| {
             let stored = self.orientation == Orientation::Stored;
             let own = match normal.filter(|&normal| normal != at && !stored) {
@@ -234,10 +236,11 @@ impl HeapSize for FeatureCloud {
 }
 
 impl FeatureConfig {
-    /// Both clouds of a pair with their channels beside their descriptors, ready to be connected.
+    /// Computes the features of both clouds of a pair, with their channels appended.
     ///
     /// # Errors
-    /// Those of [`extract_at_keypoints`](Self::extract_at_keypoints) and [`concatenate_channels`](Self::concatenate_channels).
+    /// Those of [`extract_at_keypoints`](Self::extract_at_keypoints) and
+    /// [`concatenate_channels`](Self::concatenate_channels).
     pub(super) fn extract_pair(
         &self,
         [source, target]: [Cached<'_>; 2],
@@ -253,23 +256,24 @@ impl FeatureConfig {
         if self.channels.is_empty() {
             return Ok(sides);
         }
-        // How much a channel counts follows from both clouds.
+        // The scale of a channel depends on both clouds.
         Ok(self.concatenate_channels(sides.map(|side| FeatureCloud::clone(&side)))?.map(Arc::new))
     }
 }
 
 impl FeatureCloud {
-    /// One side of a full connection.
+    /// Returns one side of a full connection.
     pub fn view(&self) -> FeatureView<'_> {
         FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
     }
 
-    /// Weights of the points, in shares of the mean over the whole cloud, where it has any.
+    /// Returns the weights of the points relative to the mean over the whole cloud; `None` if the
+    /// cloud has no weights.
     pub fn weights(&self) -> Option<&[f32]> {
         self.weights.as_deref()
     }
 
-    /// The full connection of two clouds, with the weights of their points.
+    /// Returns the full connection of two clouds, with the weights of their points.
     ///
     /// # Errors
     /// Those of [`FullConnection::new`].
@@ -278,7 +282,7 @@ impl FeatureCloud {
             .with_point_weights(self.weights(), target.weights())
     }
 
-    /// What became of the cloud's points.
+    /// Returns how many of the cloud's points each stage kept.
     pub fn counts(&self) -> CloudCounts {
         self.counts
     }

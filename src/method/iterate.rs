@@ -1,17 +1,17 @@
-//! The loop that ICP, Kernel Correlation, CPD and DARE share: make weights at the pose, solve, ask
+//! The loop of ICP, Kernel Correlation, CPD and DARE: compute weights at the pose, solve, check
 //! whether to stop.
 
 use super::termination::{IterationRecord, StopReason};
 use crate::cloud::Transform;
 use crate::error::Result;
 
-/// One iteration of a method, with what it keeps of it.
+/// One iteration of a method, with the state it leaves.
 pub(super) struct Iteration<S> {
     /// The pose after the iteration.
     pub(super) transform: Transform,
     /// The objective of the method.
     pub(super) objective: f64,
-    /// Σw.
+    /// Sum of the weights, Σw.
     pub(super) weight: f64,
     /// σ of the Gaussian kernels, in the target's unit, for methods that have one.
     pub(super) bandwidth: Option<f64>,
@@ -20,17 +20,17 @@ pub(super) struct Iteration<S> {
     pub(super) state: S,
 }
 
-/// The end of the iterations, with what the last one kept.
+/// The end of the iterations, with the state of the last one.
 pub(super) struct Iterated<S> {
     pub(super) transform: Transform,
     pub(super) iterations: u32,
     pub(super) stop: StopReason,
-    /// Every iteration, where that was asked for; else empty.
+    /// Every iteration if a trace was requested; else empty.
     pub(super) trace: Vec<IterationRecord>,
     pub(super) state: S,
 }
 
-/// Calls `step` with 1, 2, … until it tells a reason to stop.
+/// Calls `step` with 1, 2, … until it returns a reason to stop.
 ///
 /// # Errors
 /// The first one of `step`.

@@ -14,29 +14,29 @@ use crate::search;
 use crate::verify::FitnessRule;
 use crate::weight::{Gaussian, Normalization};
 
-/// Default first σ in root mean square radii of the target.
+/// Default first σ in root mean square radii of the target. Chosen by hand.
 const INITIAL_SIGMA_RADII: f64 = 0.5;
-/// Default last σ in resolutions of the coarser cloud.
+/// Default last σ in resolutions of the coarser cloud. Chosen by hand.
 const FINAL_SIGMA_RESOLUTIONS: f64 = 2.0;
 
-/// Kernel Correlation (Tsin and Kanade 2004; the paper's eq. 2): the pose under which the
-/// clouds, each blurred by a Gaussian, agree most, J(T) = Σ_ij exp(−d_ij²/2σ²).
+/// Kernel Correlation (Tsin and Kanade 2004; the paper's eq. 2): the pose that maximises the
+/// correlation of the clouds, each blurred by a Gaussian, J(T) = Σ_ij exp(−d_ij²/2σ²).
 ///
-/// Each step weighs all pairs by w = exp(−d²/2σ²) at the current pose and solves once. **J
-/// never falls** from step to step at one σ: with x = d²/2σ², the function e⁻ˣ is convex,
-/// so it lies above its tangent at the current x₀: e⁻ˣ ≥ e^(−x₀) (1 + x₀ − x). Summed over
-/// all pairs, J(T) ≥ J(T₀) + (Σw d²(T₀) − Σw d²(T)) / 2σ². The closed form makes Σw d²(T)
-/// least, so it is not above Σw d²(T₀), and J(T) ≥ J(T₀). (The cost of Tsin and Kanade is −J.)
+/// Each step weights all pairs by w = exp(−d²/2σ²) at the current pose and solves once. **J never
+/// falls** from step to step at one σ: with x = d²/2σ², the function e⁻ˣ is convex, so it is above
+/// its tangent at the current x₀: e⁻ˣ ≥ e^(−x₀) (1 + x₀ − x). Summed over all pairs, J(T) ≥ J(T₀) +
+/// (Σw d²(T₀) − Σw d²(T)) / 2σ². The closed form minimises Σw d²(T), so it is not above Σw d²(T₀),
+/// and J(T) ≥ J(T₀). (The cost of Tsin and Kanade is −J.)
 ///
-/// σ falls by a factor whenever a level has settled, from wide enough to be caught to fine
-/// enough to be accurate. As any local method it finds moderate rotations at large overlap;
-/// beyond that the result says so.
+/// σ shrinks by a factor whenever a level has converged, from wide enough for capture to fine
+/// enough for accuracy. As any local method it finds moderate rotations at large overlap; beyond
+/// that the result has a warning.
 ///
-/// The objective of the trace is J at the pose that the step starts from; it grows while
-/// the bandwidth stays.
+/// The objective of the trace is J at the initial pose of the step; it grows while the bandwidth is
+/// constant.
 ///
-/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, a pair
-/// of others weighs aᵢ bⱼ w, in J too, with weights in shares of their cloud's mean.
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out; the weight of
+/// any other pair is aᵢ bⱼ w, in J too, with weights relative to their cloud's mean.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct KernelCorrelation {
@@ -47,20 +47,20 @@ pub struct KernelCorrelation {
     /// coarser cloud's resolution (median distance to the nearest neighbour), at most the
     /// first.
     pub last_sigma: Option<f64>,
-    /// Factor on σ from level to level, in [0.01, 0.99]; default 0.7. Nearer to 1 is slower
-    /// and loses the pose less easily.
+    /// Factor on σ from level to level, in [0.01, 0.99]; default 0.7. A factor nearer to 1 is
+    /// slower and loses the pose less easily.
     pub factor: f64,
-    /// A level has settled when J grows by no more than this share of it, 0 to 0.1;
-    /// default 1e-6 (f32 weights leave 1e-7).
+    /// A level has converged when J grows by no more than this share of it, 0 to 0.1; default 1e-6
+    /// (f32 weights leave 1e-7).
     pub tolerance: f64,
-    /// Most iterations a level, at least 1; default 50. A last level that does not settle
-    /// in as many is a ground for doubt.
+    /// Most iterations per level, at least 1; default 50. If the last level does not converge
+    /// within this number, the result has a warning.
     pub max_iterations: u32,
-    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    /// Constraints on the pose ([`Prior`]); default none.
     pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
@@ -111,7 +111,7 @@ impl KernelCorrelation {
         self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
-    /// The first and the last σ.
+    /// Returns the first and the last σ.
     fn sigma_range(
         &self,
         source: &PointCloud,

@@ -1,8 +1,8 @@
 //! Registration methods: weights on the full connection, one closed-form solve.
 //!
-//! Everything that registers implements [`Register`]; what starts from a pose implements
-//! [`Refine`] too; what has a name is in the catalogue [`Method`]. An answer is a
-//! [`Registration`]. Of clouds of many pairs a [`Cache`] keeps what is made of one alone.
+//! Every registration method implements [`Register`]; methods that start from a pose implement
+//! [`Refine`] too; named methods are in the catalogue [`Method`]. The result is a [`Registration`].
+//! For clouds of many pairs a [`Cache`] keeps values computed from one cloud alone.
 
 mod bounded_icp;
 mod cache;
@@ -51,19 +51,20 @@ pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 
-/// Something that finds the pose of one cloud in another.
+/// A method that finds the pose of one cloud in another.
 ///
-/// Object safe, so that batches and chains take any method, also yours.
+/// Object safe, so that batches and pipelines take any method, also yours.
 pub trait Register: Send + Sync {
-    /// The pose that maps `source` into the frame of `target`.
+    /// Returns the pose that maps `source` into the frame of `target`.
     ///
     /// # Errors
-    /// When no answer can be computed; an answer that is not to be trusted is `Ok` with
-    /// its [`doubts`](Registration::doubts).
+    /// When no pose can be computed; a pose that cannot be trusted is `Ok` with its warnings,
+    /// [`doubts`](Registration::doubts).
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration>;
 
-    /// The same, and the same bits, of clouds of many pairs: what depends on one of them alone
-    /// is made once and kept beside it. A method that keeps nothing needs none of its own.
+    /// Registers as [`register`](Self::register), with the same bits, for clouds of many pairs:
+    /// values that depend on one cloud alone are computed once and cached. Methods without cached
+    /// values need no implementation of their own.
     ///
     /// ```
     /// use cfreg::method::{Cache, Cached, Cf, Register};
@@ -87,10 +88,11 @@ pub trait Register: Send + Sync {
     }
 }
 
-/// Something that improves a pose: weights by position under the current pose, solved,
-/// again and again. It is [`Register`] too, from the identity.
+/// A method that improves a pose: it computes weights by position under the current pose and
+/// solves, repeatedly. It also implements [`Register`], from the identity.
 pub trait Refine: Send + Sync {
-    /// The pose that maps `source` into the frame of `target`, from the guess `initial`.
+    /// Returns the pose that maps `source` into the frame of `target`, from the initial pose
+    /// `initial`.
     ///
     /// # Errors
     /// As [`Register::register`].
@@ -101,7 +103,7 @@ pub trait Refine: Send + Sync {
         initial: &Transform,
     ) -> Result<Registration>;
 
-    /// The same of clouds of many pairs, as [`Register::register_cached`].
+    /// Refines with caches for clouds of many pairs, as [`Register::register_cached`].
     ///
     /// # Errors
     /// As [`refine`](Self::refine).

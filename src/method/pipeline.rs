@@ -10,18 +10,18 @@ use crate::error::{Error, Result};
 use crate::par;
 use crate::verify::{VerdictModel, Warning};
 
-/// A method followed by refinements, each from the pose of the one before: what
-/// `--method cf --refine icp,gicp` is.
+/// A method followed by refinements, each from the pose of the previous one: the pipeline of
+/// `--method cf --refine icp,gicp`.
 ///
-/// Rows that mark missing returns ([`filter::find_no_returns`](crate::filter::find_no_returns)) are left out,
-/// and rows that share a place are one point. Refinements after
-/// [`Consensus`](super::Consensus) leave out all that its search left out, and pairs of ICP are at
-/// most two of its lengths long, unless they are told otherwise. Where the first method has a
-/// verdict, the pose that is returned has a verdict of its own; poses of other methods get one
-/// by [`with_verdict`](Self::with_verification).
+/// Rows that mark missing returns ([`filter::find_no_returns`](crate::filter::find_no_returns)) are
+/// left out, and rows that share a position are one point. Refinements after
+/// [`Consensus`](super::Consensus) leave out the same points as its search, and their ICP pairs are
+/// at most two of its voxel sizes long, unless set otherwise. If the first method has a verdict,
+/// the returned pose has its own verdict; poses of other methods get one by
+/// [`with_verification`](Self::with_verification).
 ///
-/// The answer is the last registration; the ones before are in its
-/// [`refined_from`](Registration::refined_from), their times in front of its own.
+/// The result is the last registration; the previous ones are in its
+/// [`refined_from`](Registration::refined_from), their times before its own.
 ///
 /// ```
 /// use cfreg::method::{Pipeline, Register};
@@ -41,11 +41,11 @@ pub struct Pipeline {
     keep_no_returns: bool,
 }
 
-/// Most refinements: each carries the answers before it.
+/// Most refinements: each result contains the previous ones. Chosen by hand.
 const MAX_REFINEMENTS: usize = 32;
 
 impl Pipeline {
-    /// `first`, then each of `refinements`.
+    /// Builds a pipeline of `first`, then each of `refinements`.
     ///
     /// # Errors
     /// [`Error::Config`] for a refinement that cannot start from a pose, and for more than 32.
@@ -68,13 +68,13 @@ impl Pipeline {
         }
     }
 
-    /// Starts from this pose of the source in the target's frame, not from that in which the
-    /// clouds lie. Pairs of ICP without a `max_distance` are then as long as the pose may be
-    /// off, and shrink with it to two voxels of 5000 points: clouds that overlap in part are not
-    /// drawn together.
+    /// Starts from this pose of the source in the target's frame, not from the identity. ICP
+    /// without a `max_distance` then limits its pairs to the expected error of the pose; the limit
+    /// shrinks to two voxels of 5000 points, so that clouds that overlap in part are not drawn
+    /// together.
     ///
     /// # Errors
-    /// [`Error::Config`] for a first method that starts from no pose.
+    /// [`Error::Config`] for a first method that does not start from a pose.
     pub fn with_initial(self, initial: Transform) -> Result<Self> {
         match self.first.as_refinement() {
             Some(_) => Ok(Pipeline { initial: Some(initial), ..self }),
@@ -85,13 +85,14 @@ impl Pipeline {
         }
     }
 
-    /// Poses of methods that have no verdict of their own are verified by a search with these
-    /// settings ([`Consensus::verify`]). Where the clouds are too small for one, that is a doubt.
+    /// Verifies poses of methods without a verdict by a search with these settings
+    /// ([`Consensus::verify`]). If the clouds are too small for a verdict, the result has a
+    /// warning.
     pub fn with_verification(self, judge: Consensus) -> Self {
         Pipeline { verdict: Some(judge), ..self }
     }
 
-    /// Ranks and verifies poses by another model than the built-in one.
+    /// Ranks and verifies poses by this model instead of the built-in one.
     pub fn with_verdict_model(mut self, model: &VerdictModel) -> Self {
         if let Method::Consensus(consensus) = &mut self.first {
             consensus.model = Some(model.clone().into());
@@ -108,20 +109,21 @@ impl Pipeline {
         Pipeline { keep_no_returns: true, ..self }
     }
 
-    /// Whether [`Method::is_slower_than_verdict`] holds for the first method or a refinement.
+    /// Returns whether [`Method::is_slower_than_verdict`] holds for the first method or a
+    /// refinement.
     pub fn is_slower_than_verdict(&self) -> bool {
         self.first.is_slower_than_verdict()
             || self.refinements.iter().any(Method::is_slower_than_verdict)
     }
 
-    /// The first method.
+    /// Returns the first method.
     pub fn first(&self) -> &Method {
         &self.first
     }
 }
 
-/// The refinement, its pairs bounded where nothing else was said and the clouds that `found`
-/// registers overlap in part, as after consensus: pairs of any length would draw them together.
+/// Returns the refinement with a limit on its pair distance if it has none and the clouds of
+/// `found` overlap in part, as after consensus: pairs of any length would draw the clouds together.
 fn limit_distance(method: &Method, found: &Registration) -> Method {
     match (method, found.method.parse()) {
         (Method::Icp(icp), Some(Method::Consensus(consensus))) if icp.max_distance.is_none() => {
@@ -134,8 +136,8 @@ fn limit_distance(method: &Method, found: &Registration) -> Method {
 }
 
 impl Register for Pipeline {
-    /// A refinement that finds nothing to hold on to leaves the pose before it as the
-    /// answer, with [`Warning::NotRefined`].
+    /// Registers. A refinement without correspondences keeps the previous pose as the result, with
+    /// [`Warning::NotRefined`].
     fn register(&self, source: &PointCloud, target: &PointCloud) -> Result<Registration> {
         self.register_cached(source.into(), target.into())
     }
@@ -162,8 +164,8 @@ impl Register for Pipeline {
 }
 
 impl Pipeline {
-    /// The refinements alone, from an answer that was found otherwise, and the verdict; see
-    /// [`register`](Register::register). The clouds are taken as they are.
+    /// Runs only the refinements, from the result of another method, and the verdict; see
+    /// [`register`](Register::register). The clouds are used unchanged.
     ///
     /// # Errors
     /// Those of [`Refine::refine`](super::Refine::refine).
@@ -178,7 +180,8 @@ impl Pipeline {
         self.verify(found, source, target)
     }
 
-    /// By a search whose clouds serve the refinements, and which verifies their pose.
+    /// Registers by a search whose clouds are used by the refinements, and which verifies their
+    /// pose.
     fn register_by_consensus(
         &self,
         consensus: &Consensus,
@@ -231,8 +234,8 @@ impl Pipeline {
         Ok(found)
     }
 
-    /// With a verdict on the pose that is returned, where one was asked for, or where the pose
-    /// had one before it was refined.
+    /// Adds a verdict on the returned pose if one was requested, or if the pose had a verdict
+    /// before its refinement.
     fn verify(
         &self,
         mut found: Registration,
@@ -259,7 +262,7 @@ impl Pipeline {
     }
 }
 
-/// The settings by which a pose was verified before `found` refined it.
+/// Returns the settings by which a pose was verified before `found` refined it.
 fn previous_verifier(found: &Registration) -> Option<Consensus> {
     let before = found.refined_from.as_deref()?;
     match (&before.verdict, before.method.parse()) {

@@ -1,8 +1,8 @@
-//! Connections by position: where the source lies under the current pose.
+//! Connections by position: squared distances under the current pose.
 //!
-//! The embedding of ICP, Kernel Correlation, CPD and DARE. What is connected are the
-//! same points as ever, so the moments give a pose of the *unmoved* source: no
-//! increments are composed and no error adds up.
+//! The embedding of ICP, Kernel Correlation, CPD and DARE. The moments are those of the unmoved
+//! points, so they give a pose of the *unmoved* source: no increments are composed and no error
+//! accumulates.
 
 use std::sync::Arc;
 
@@ -19,32 +19,32 @@ pub(super) struct PositionProblem<'a> {
     source: &'a PointCloud,
     target: &'a PointCloud,
     target_index: Arc<TargetIndex>,
-    /// Weights of the points in shares of their mean, where the clouds have any.
+    /// Weights of the points relative to their mean, for clouds that have weights.
     weights: [Option<Vec<f32>>; 2],
 }
 
-/// What is made of the target alone.
+/// Values computed from the target alone.
 struct TargetIndex {
-    /// Its points in units, the embedding of the dense connections.
+    /// The target's points in units of its radius, the embedding of the dense connections.
     embedded: Descriptors,
     tree: SearchTree,
     rms_radius: f64,
 }
 
-/// Its key.
+/// Key of the [`TargetIndex`].
 #[derive(PartialEq)]
 struct TargetIndexKey;
 
 impl HeapSize for TargetIndex {
     fn bytes(&self) -> usize {
-        // The tree has the points once more, and their numbers.
+        // The tree has a copy of the points, and their numbers.
         self.embedded.len() * (3 * 4 + 4 * 4)
     }
 }
 
 impl<'a> PositionProblem<'a> {
     /// # Errors
-    /// Those of [`unit`] and [`SearchTree::new`].
+    /// Those of [`rms_radius`] and [`SearchTree::new`].
     pub(super) fn new(source: Cached<'a>, target: Cached<'a>) -> Result<Self> {
         let unit = rms_radius(source.cloud, target.cloud)?;
         let onto = target.get_or_compute(TargetIndexKey, || {
@@ -60,18 +60,18 @@ impl<'a> PositionProblem<'a> {
         Ok(PositionProblem { source, target, target_index: onto, weights })
     }
 
-    /// The target as it was handed in.
+    /// Returns the input target.
     pub(super) fn target(&self) -> &'a PointCloud {
         self.target
     }
 
-    /// Root mean square distance of the target points to their centroid: the length that
-    /// bandwidths of [`full_connection`](Self::full_connection) are measured in.
+    /// Returns the root mean square distance of the target points to their centroid: the unit of
+    /// bandwidths of [`full_connection`](Self::full_connection).
     pub(super) fn rms_radius(&self) -> f64 {
         self.target_index.rms_radius
     }
 
-    /// The source's points under `pose`, relative to the target's origin.
+    /// Returns the source's points under `pose`, relative to the target's origin.
     ///
     /// # Errors
     /// [`Error::Extent`] when they leave the range of f32 distances.
@@ -85,7 +85,7 @@ impl<'a> PositionProblem<'a> {
         Ok(moved)
     }
 
-    /// How much a pair of points counts: 1 where neither cloud has weights.
+    /// Returns the weight of a pair of points: 1 if neither cloud has weights.
     pub(super) fn pair_weight(&self, source: usize, target: usize) -> f64 {
         let [a, b] = &self.weights;
         let of = |weights: &Option<Vec<f32>>, i: usize| {
@@ -94,17 +94,17 @@ impl<'a> PositionProblem<'a> {
         of(a, source) * of(b, target)
     }
 
-    /// Weights of the source's points in shares of their mean, where it has any.
+    /// Returns the weights of the source's points relative to their mean, if it has any.
     pub(super) fn source_weights(&self) -> Option<&[f32]> {
         self.weights[0].as_deref()
     }
 
-    /// Weights of the target's points in shares of their mean, where it has any.
+    /// Returns the weights of the target's points relative to their mean, if it has any.
     pub(super) fn target_weights(&self) -> Option<&[f32]> {
         self.weights[1].as_deref()
     }
 
-    /// The full connection by position at `pose`, with the weights of the points: squared
+    /// Returns the full connection by position at `pose`, with the weights of the points: squared
     /// distances are in squared [`rms_radius`](Self::rms_radius) units.
     ///
     /// # Errors
@@ -124,19 +124,18 @@ impl<'a> PositionProblem<'a> {
         connection.with_point_weights(a.as_deref(), b.as_deref())
     }
 
-    /// The nearest target point of every moved source point; distances in the target's
-    /// unit.
+    /// Finds the nearest target point of every moved source point; distances in the target's unit.
     pub(super) fn nearest_targets(&self, moved: &[[f32; 3]]) -> Vec<Neighbor> {
         par::map(moved.len(), || (), |_, i| self.target_index.tree.nearest(&moved[i]))
     }
 }
 
-/// Root mean square distance of the target points to their centroid: the length that what
-/// is done by position is measured in.
+/// Returns the root mean square distance of the target points to their centroid: the unit of all
+/// methods by position.
 ///
 /// # Errors
-/// [`Error::TooFewPoints`] for fewer than three points in either cloud,
-/// [`Error::Degenerate`] when all target points are in one place.
+/// [`Error::TooFewPoints`] for fewer than three points in either cloud, [`Error::Degenerate`] when
+/// all target points are at one position.
 pub(super) fn rms_radius(source: &PointCloud, target: &PointCloud) -> Result<f64> {
     for (cloud, what) in [(source, "the source"), (target, "the target")] {
         if cloud.len() < 3 {

@@ -4,8 +4,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Name and settings of a method, built-in or not: every
-/// [`Registration`](super::Registration) carries one.
+/// Name and settings of a method, built-in or not: every [`Registration`](super::Registration) has
+/// one.
 ///
 /// ```
 /// use cfreg::method::{Icp, MethodRecord};
@@ -14,22 +14,22 @@ use serde_json::Value;
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodRecord {
-    /// Name of the method, as `--method` takes it.
+    /// Name of the method, as accepted by `--method`.
     #[serde(rename = "method")]
     pub name: String,
-    /// Every setting that was in force, by name, defaults filled in; the entry `method` names the
-    /// family that the settings belong to.
+    /// Every setting in force, by name, defaults filled in; the entry `method` names the family
+    /// that the settings belong to.
     #[serde(rename = "config")]
     pub settings: Value,
 }
 
 impl MethodRecord {
-    /// The record of a method; `settings` is empty where it does not serialise to an object.
+    /// Returns the record of a method; `settings` is empty if it does not serialise to an object.
     pub fn new(name: &str, settings: &impl Serialize) -> MethodRecord {
         MethodRecord::of_family(name, name, settings)
     }
 
-    /// The record of a method whose settings belong to the variant `family` of
+    /// Returns the record of a method whose settings belong to the variant `family` of
     /// [`Method`](super::Method).
     pub(super) fn of_family(name: &str, family: &str, settings: &impl Serialize) -> MethodRecord {
         let mut settings = match serde_json::to_value(settings) {
@@ -40,8 +40,8 @@ impl MethodRecord {
         MethodRecord { name: name.into(), settings: settings.into() }
     }
 
-    /// The settings as those of a built-in method ([`Method`](super::Method)) or of its
-    /// configuration; `None` for others, and for weights that were a function.
+    /// Parses the settings as those of a built-in method ([`Method`](super::Method)) or of its
+    /// configuration; `None` for other methods, and for weights that were a function.
     pub fn parse<T: DeserializeOwned>(&self) -> Option<T> {
         serde_json::from_value(self.settings.clone()).ok()
     }

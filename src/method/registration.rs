@@ -1,4 +1,4 @@
-//! What a registration returns.
+//! The result of a registration.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -15,7 +15,7 @@ use crate::moments::Moments;
 use crate::normals::OrientedBy;
 use crate::verify::{self, Evaluation, Verdict, Warning};
 
-/// A pose, what it rests on, and what speaks against it.
+/// A pose, the data behind it, and its warnings.
 ///
 /// Serialises to the object that `cfreg register --json` prints; the
 /// README has its fields.
@@ -23,20 +23,20 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
     pub transform: Transform,
-    /// The method and every setting that was in force; in JSON `method`, its name, and `config`.
+    /// The method and every setting in force; in JSON `method`, its name, and `config`.
     #[serde(flatten)]
     pub method: MethodRecord,
-    /// Whether there is no ground for doubt.
+    /// Whether there are no warnings.
     pub trusted: bool,
-    /// Grounds to doubt the pose; empty when it may be trusted. In JSON each has its words,
-    /// `message`, too.
+    /// Warnings about the pose; empty if it can be trusted. In JSON each also has its text,
+    /// `message`.
     #[serde(serialize_with = "with_messages")]
     pub doubts: Vec<Warning>,
     /// Whether to take the pose, with its probability, for methods that can tell and refinements
     /// that stay with their pose; what is not to be taken is in `doubts` too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// How the clouds lie on each other under the pose.
+    /// Fit of the clouds under the pose.
     pub evaluation: Evaluation,
     /// √(Σw‖T p − q‖² / Σw): weighted root mean square over the connections, in the
     /// target's unit. On a full connection it is of the size of the cloud even for the
@@ -47,20 +47,20 @@ pub struct Registration {
     /// `auto` came to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
-    /// Number of connections that were weighed.
+    /// Number of weighted connections.
     pub connections: u64,
     /// Effective number of connections (Σw)²/Σw², from 1 to `connections`.
     #[serde(deserialize_with = "nan_from_null")]
     pub effective_connections: f64,
-    /// Singular values of the weighted cross-covariance relative to the clouds' weighted
-    /// spread, in [0, 1], descending: how strongly, and in how many directions, the
-    /// weights tie the clouds together.
+    /// Singular values of the weighted cross-covariance relative to the clouds' weighted spread, in
+    /// [0, 1], descending: how strongly, and in how many directions, the weights constrain the
+    /// rotation.
     pub singular_values: [f64; 3],
-    /// The moments that were solved last.
+    /// The moments of the last solve.
     pub moments: Moments,
-    /// How often weights were made and solved; 1 for the methods of one step.
+    /// Number of solves, each with new weights; 1 for one-step methods.
     pub iterations: u32,
-    /// What ended the iterations.
+    /// The reason why the iterations ended.
     pub stop: StopReason,
     /// Every iteration, where the configuration asks for a trace; else empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -79,20 +79,20 @@ pub struct Registration {
 }
 
 impl Registration {
-    /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
-    /// one, and it is finite and proper ([`verify::is_usable`]).
+    /// Returns whether the pose may be used: it has no warnings, its verdict, if any, accepts it,
+    /// and it is finite and proper ([`verify::is_usable`]).
     pub fn is_usable(&self) -> bool {
         let decision = self.verdict.as_ref().map(|verdict| verdict.decision);
         verify::is_usable(&self.transform, self.trusted, decision)
     }
 
-    /// With a verdict on its pose ([`Consensus::verify`](super::Consensus::verify)), which looks
-    /// closer than agreement and chance and replaces them as grounds for doubt.
+    /// Adds a verdict on the pose ([`Consensus::verify`](super::Consensus::verify)). It is stricter
+    /// than the fitness warnings and replaces them.
     pub fn with_verdict(mut self, verdict: Verdict) -> Self {
         self.doubts.retain(|doubt| {
             !matches!(doubt, Warning::LowFitness { .. } | Warning::HighChanceFitness { .. })
         });
-        // First, as it looks closest.
+        // First, as the strictest.
         self.doubts.splice(0..0, Warning::from_verdict(&verdict));
         self.trusted = self.doubts.is_empty();
         Registration { verdict: Some(verdict), ..self }
@@ -113,7 +113,7 @@ impl Registration {
     }
 }
 
-/// Doubts, each with what it says.
+/// Serialises warnings, each with its message.
 fn with_messages<S: Serializer>(
     doubts: &[Warning],
     serializer: S,
@@ -153,9 +153,9 @@ pub struct Certificate {
 /// Points of the two clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PointCounts {
-    /// Of the source.
+    /// Counts of the source.
     pub source: CloudCounts,
-    /// Of the target.
+    /// Counts of the target.
     pub target: CloudCounts,
 }
 
@@ -167,22 +167,21 @@ pub struct CloudCounts {
     /// Rows that marked measurements without a return, and were left out
     /// ([`filter::find_no_returns`](crate::filter::find_no_returns)).
     pub no_returns: usize,
-    /// Points handed to the method.
+    /// Points passed to the method.
     pub used: usize,
-    /// Points found by the keypoint detector; `null` where none was asked for.
+    /// Points found by the keypoint detector; `null` if there is none.
     pub keypoints: Option<usize>,
-    /// Points whose descriptor is defined, and that were connected; all for methods
-    /// that use none.
+    /// Points with a defined descriptor, which were connected; all for methods without descriptors.
     pub described: usize,
-    /// Points a neighbourhood takes for descriptors: the configured k, or the size of the
-    /// cloud if that is smaller. `null` for neighbourhoods by radius.
+    /// Number of neighbours for descriptors: the configured k, or the size of the cloud if that is
+    /// smaller. `null` for neighbourhoods by radius.
     pub neighbors: Option<usize>,
-    /// What oriented the normals; `null` for methods that use none.
+    /// Source of the orientation of normals; `null` for methods without normals.
     pub oriented_by: Option<OrientedBy>,
 }
 
 impl CloudCounts {
-    /// Of a cloud whose points are connected as they are.
+    /// Returns the counts of a cloud whose points are all connected.
     pub(super) fn from_cloud(cloud: &PointCloud) -> Self {
         CloudCounts {
             dropped: cloud.dropped(),
@@ -201,7 +200,7 @@ impl CloudCounts {
 pub struct Timings(pub Vec<(Cow<'static, str>, f64)>);
 
 impl Timings {
-    /// Runs `work` and adds its seconds under `stage` (to those already there).
+    /// Runs `work` and adds its seconds to those of `stage`.
     pub fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let value = work();

@@ -1,4 +1,4 @@
-//! Settings by name: how flags, keywords and files reach the fields of a configuration.
+//! Settings by name: how flags, keywords and files set the fields of a configuration.
 
 use serde_json::{Map, Value, json};
 
@@ -6,18 +6,18 @@ use super::Method;
 use crate::error::{Error, Result};
 
 impl Method {
-    /// The method with some of its settings replaced, each given by its name in the
+    /// Returns the method with some of its settings replaced, each given by its name in the
     /// configuration's JSON (`config` of a registration) and a JSON value.
     ///
-    /// Some have a short form: `channels` as `["intensity:0.5", "red"]`, `neighbors` and `radius` for `neighborhood`,
-    /// `normal_neighbors` for `normal_neighborhood`, `more_neighbors` for
-    /// `more_scales` (`[200, 400]`, or `["200:50", "400:150"]` with as many for normals), `normalize` for `normalization`,
-    /// `detector` for the name of a keypoint detector in `keypoints`, `viewpoint` for an `orientation` towards a place.
+    /// Some have a short form: `channels` as `["intensity:0.5", "red"]`, `neighbors` and `radius`
+    /// for `neighborhood`, `normal_neighbors` for `normal_neighborhood`, `more_neighbors` for
+    /// `more_scales` (`[200, 400]`, or `["200:50", "400:150"]` with as many for normals),
+    /// `normalize` for `normalization`, `detector` for the name of a keypoint detector in
+    /// `keypoints`, `viewpoint` for an `orientation` towards a position.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a name that the method does not have, with those it has, and
-    /// for a value that is not of the setting's kind. Ranges are checked when the method
-    /// runs.
+    /// [`Error::Setting`] for a name that the method does not have, with the names it has, and for
+    /// a value of the wrong type. Ranges are checked when the method runs.
     ///
     /// ```
     /// let method: cfreg::method::Method = "cf".parse()?;
@@ -37,7 +37,7 @@ impl Method {
     fn with_setting(&self, name: &str, value: Value) -> Result<Self> {
         let shown = value.to_string();
         let bad = |rule: String| {
-            // Words know their rule by name and value, which are said already.
+            // Errors of parsed words already contain the name and the value: strip both.
             let said = format!("{name} = {}: ", shown.trim_matches('"'));
             let rule = rule.strip_prefix(&said).unwrap_or(&rule).to_string();
             Error::Setting { name: name.into(), value: shown.clone(), rule }
@@ -83,7 +83,7 @@ fn expand_shorthand(name: &str, value: Value) -> Result<(&str, Value)> {
     })
 }
 
-/// `200`, or `"200:50"`: nearest points for descriptors, and for normals.
+/// Parses `200`, or `"200:50"`: nearest points for descriptors, and for normals.
 fn parse_scale(value: Value) -> Value {
     let nearest = |count: &str| match count.trim().parse::<u64>() {
         Ok(count) => json!({ "nearest": count }),
@@ -98,11 +98,11 @@ fn parse_scale(value: Value) -> Value {
     }
 }
 
-/// `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
+/// Parses `"intensity"`, or `"intensity:0.5"`: a channel, and its share.
 fn parse_channel(value: Value) -> Result<Value> {
     let Some(text) = value.as_str() else { return Ok(value) };
     let parsed = text.parse::<super::Channel>();
-    // Here, as JSON would turn NaN into nothing.
+    // Validated here, as JSON would turn NaN into null.
     match parsed.and_then(|channel| channel.validate().map(|()| channel)) {
         Ok(channel) => Ok(json!(channel)),
         Err(Error::Config { field, rule, .. }) => {
@@ -112,7 +112,7 @@ fn parse_channel(value: Value) -> Result<Value> {
     }
 }
 
-/// What serde says of a value, without Rust's names for numbers.
+/// Returns serde's message about a value, without Rust's names of number types.
 fn setting_error_text(error: serde_json::Error) -> String {
     let said = error.to_string();
     ["usize", "u32", "u64"]
@@ -181,7 +181,7 @@ mod tests {
             let message = message("channels", wrong);
             assert!(message.starts_with("channels = "), "{message}");
         }
-        // Of several the one that is wrong is named, and once.
+        // Among several, the error names the wrong one, once.
         for several in [json!("x:abc"), json!(["red", "x:abc"])] {
             let rule = "channels = \"x:abc\": must be NAME or NAME:SHARE";
             assert_eq!(message("channels", several), rule);

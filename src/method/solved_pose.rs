@@ -1,4 +1,4 @@
-//! From a pose to a registration that is evaluated.
+//! From a solved pose to an evaluated registration.
 
 use super::position_problem::PositionProblem;
 use super::registration::{CloudCounts, PointCounts, Registration, Timings};
@@ -11,10 +11,10 @@ use crate::par;
 use crate::pose::{self, ScaleEstimate, Solver};
 use crate::verify::{self, FitnessRule, Warning};
 
-/// A pose that a method has found, and what it rests on; [`finish`](Self::finish) makes a
-/// [`Registration`] of it.
+/// A pose that a method has found, and the data behind it; [`finish`](Self::finish) returns the
+/// [`Registration`].
 ///
-/// Methods from outside the crate start with [`SolvedPose::new`] and set what they know:
+/// Methods outside this crate start with [`SolvedPose::new`] and set the fields they know:
 ///
 /// ```
 /// use cfreg::method::{MethodRecord, Register, Registration, SolvedPose};
@@ -46,32 +46,32 @@ pub struct SolvedPose {
     pub transform: Transform,
     /// The method and its settings.
     pub method: MethodRecord,
-    /// Moments of the weights that were solved last. Where a method has none, those of every moved
-    /// source point with its nearest target point within the distance of the evaluation.
+    /// Moments of the weights of the last solve. If `None`, those of every moved source point with
+    /// its nearest target point within the distance of the evaluation.
     pub moments: Option<Moments>,
-    /// Relative singular values of the solution ([`pose::Solution`]); those of the moments where a
-    /// method has none.
+    /// Relative singular values of the solution ([`pose::Solution`]); if `None`, those of the
+    /// moments.
     pub singular_values: Option<[f64; 3]>,
-    /// Number of connections that were weighed; 0 where a method counts none.
+    /// Number of weighted connections; 0 if the method does not count them.
     pub connections: u64,
-    /// How often weights were made and solved.
+    /// Number of solves, each with new weights.
     pub iterations: u32,
     /// The reason why the iterations ended.
     pub stop: StopReason,
     /// Every iteration, if it was recorded.
     pub trace: Vec<IterationRecord>,
-    /// Points of the clouds, from file to solve; `None` for all points as they are.
+    /// Points of the clouds, from file to solve; `None` if all points were used.
     pub points: Option<PointCounts>,
     /// Seconds of the stages so far.
     pub time_s: Timings,
-    /// Warnings that the method itself has; those of every pose are added.
+    /// Warnings of the method itself; those of every pose are added.
     pub warnings: Vec<Warning>,
-    /// The fitness that is asked for.
+    /// The required fitness.
     pub fitness: FitnessRule,
 }
 
 impl SolvedPose {
-    /// A pose of a method that solves once and reports nothing else.
+    /// Returns the pose of a method that solves once and reports nothing else.
     pub fn new(transform: Transform, method: MethodRecord) -> SolvedPose {
         SolvedPose {
             transform,
@@ -89,7 +89,7 @@ impl SolvedPose {
         }
     }
 
-    /// The registration: the pose evaluated on both clouds, with all warnings.
+    /// Returns the registration: the pose evaluated on both clouds, with all warnings.
     ///
     /// # Errors
     /// Those of [`verify::evaluate`].
@@ -154,8 +154,8 @@ impl SolvedPose {
     }
 }
 
-/// Moments of the pairs of every moved source point with its nearest target point at most
-/// `max_distance` away.
+/// Returns the moments of the pairs of every moved source point with its nearest target point at
+/// most `max_distance` away.
 fn nearest_moments(
     source: Cached<'_>,
     target: Cached<'_>,

@@ -1,4 +1,4 @@
-//! What iterations report: each step, and why they ended.
+//! Reports of iterations: each step, and the reason for the end.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,30 +9,30 @@ use crate::cloud::Transform;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum StopReason {
-    /// It solves once: there is nothing to iterate.
+    /// The method solves once, without iterations.
     OneStep,
-    /// The pose no longer moved.
+    /// The pose no longer changed.
     PoseSettled,
     /// The objective no longer changed.
     ObjectiveSettled,
-    /// The schedule of the weights (bandwidth, control parameter) came to its end.
+    /// The schedule of the weights (bandwidth, control parameter) ended.
     ScheduleEnded,
-    /// The largest number of iterations was reached first: the pose is doubted.
+    /// The largest number of iterations was reached first: the pose gets a warning.
     IterationLimit,
 }
 
 /// One iteration: weights made at a pose, solved for the next.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct IterationRecord {
-    /// From 1.
+    /// Number of the iteration, from 1.
     pub iteration: u32,
     /// The pose after this step.
     pub transform: Transform,
-    /// The method's objective; which one, and which way it goes, the method says.
+    /// The method's objective; the method documents its definition and direction.
     pub objective: f64,
     /// Σw of the step.
     pub weight: f64,
-    /// Bandwidth in force (σ of the Gaussian kernels, in the target's unit); `null` where
-    /// the method has none.
+    /// Bandwidth in force (σ of the Gaussian kernels, in the target's unit); `null` if the method
+    /// has none.
     pub bandwidth: Option<f64>,
 }

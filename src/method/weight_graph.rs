@@ -1,5 +1,4 @@
-//! What a method connected: the weights themselves, for those who want to see why a pose came
-//! out as it did.
+//! Connections of a method: the weights themselves, to see why a pose was found.
 
 use faer::Mat;
 
@@ -18,19 +17,19 @@ use crate::weight::{Bandwidth, Normalization, WeightScheme};
 /// The points that a method compared, and how strongly it connected them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightGraph {
-    /// Whether all points of both were connected; else what was matched alone.
+    /// Whether all points of both clouds were connected; else only correspondences.
     pub full: bool,
-    /// Of matches, how far apart a pose may leave the ends of one that agrees with it, in the
-    /// target's unit.
+    /// For correspondences, the largest distance between the ends of an inlier under the pose, in
+    /// the target's unit.
     pub inlier_distance: Option<f64>,
-    /// Places of the compared points of source and target, each in its cloud's own frame.
+    /// Positions of the compared points of source and target, each in its cloud's own frame.
     pub points: [Vec<Vec3>; 2],
-    /// What weight each of them received in all, 0 or more.
+    /// Sum of the weights of each point, 0 or more.
     pub weight_sums: [Vec<f64>; 2],
-    /// Of a full connection the heaviest of every source point; of matches all of them, by how
-    /// well they agree with the pose, from 0 to 1. Heaviest first.
+    /// For a full connection the heaviest link of every source point; for correspondences all of
+    /// them, with their inlier weight under the pose, from 0 to 1. Heaviest first.
     pub links: Vec<WeightedLink>,
-    /// Part of W; of matches, how alike the descriptors are that they were made from.
+    /// Part of W; for correspondences, similarities of the descriptors from which they were found.
     pub block: WeightBlock,
 }
 
@@ -41,34 +40,34 @@ pub struct WeightedLink {
     pub source: u32,
     /// Number of the target point.
     pub target: u32,
-    /// Its weight, 0 or more.
+    /// Weight of the link, 0 or more.
     pub weight: f64,
 }
 
-/// Weights between some points of the source and those points of the target that the pose puts
-/// them on: what the pose says belongs together stands on the diagonal.
+/// Weights between some points of the source and the points of the target that are nearest under
+/// the pose: pairs that correspond under the pose are on the diagonal.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WeightBlock {
     /// Numbers of the source points.
     pub rows: Vec<u32>,
-    /// Of each of them the nearest target point under the pose.
+    /// For each row the nearest target point under the pose.
     pub columns: Vec<u32>,
-    /// How far apart the two are, in the target's unit.
+    /// Distance between the two, in the target's unit.
     pub distances: Vec<f64>,
-    /// The descriptor of each row along the direction in which these differ most: points that
-    /// look alike are near each other by it.
+    /// The descriptor of each row projected on the principal axis of the descriptors: similar
+    /// points have similar values.
     pub principal_feature: Vec<f64>,
-    /// Row by row.
+    /// Weights, row by row.
     pub weights: Vec<f32>,
 }
 
-/// Most rows of a matrix.
+/// Most rows of a block. Chosen by hand.
 const MAX_BLOCK_ROWS: usize = 144;
 
 impl Method {
-    /// What this method connects between the clouds that it was given, seen under the `pose` that
-    /// it found: its work up to the weights is done again. `None` for those that connect points
-    /// by where the pose puts them, and for weights that have no name ([`Cf::register_with`]).
+    /// Returns the connections of this method between its input clouds, under the `pose` that it
+    /// found: computes again up to the weights. `None` for methods that connect points by position,
+    /// and for weights without a name ([`Cf::register_with`]).
     ///
     /// # Errors
     /// Those of [`Register::register`](super::Register::register).
@@ -175,8 +174,8 @@ impl Teaser {
 }
 
 impl WeightGraph {
-    /// Of matched points, and how well each match agrees with the pose, if its ends are nearer
-    /// than `reach`.
+    /// Builds the graph of correspondences with their inlier weights under the pose, where ends
+    /// nearer than `reach` are inliers.
     pub(super) fn from_correspondences(
         ends: [FeatureView<'_>; 2],
         pairs: &[(u32, u32)],
@@ -211,7 +210,7 @@ impl WeightGraph {
 }
 
 impl WeightBlock {
-    /// The points of a matrix that has no weights yet.
+    /// Returns the points of a block without weights.
     fn from_nearest_points(
         [source, target]: [FeatureView<'_>; 2],
         pose: &Transform,
@@ -238,7 +237,7 @@ impl WeightBlock {
     }
 }
 
-/// The named rows along their first principal component.
+/// Projects the given rows on their first principal axis.
 fn project_on_principal_axis(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64> {
     let (n, dim) = (rows.len(), descriptors.dim());
     let row = |k: usize| descriptors.row(rows[k] as usize);
@@ -249,19 +248,19 @@ fn project_on_principal_axis(descriptors: &Descriptors, rows: &[u32]) -> Vec<f64
     let centred = Mat::from_fn(n, dim, |k, d| f64::from(row(k)[d]) - mean[d]);
     let Ok(parts) = centred.thin_svd() else { return vec![0.0; n] };
     let first = parts.V().col(0);
-    // Of either sign: the one whose largest part is above 0.
+    // The axis has either sign: choose that in which its largest component is above 0.
     let largest =
         (0..dim).map(|d| first[d]).fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
     let sign = if largest < 0.0 { -1.0 } else { 1.0 };
     (0..n).map(|k| sign * (0..dim).map(|d| centred[(k, d)] * first[d]).sum::<f64>()).collect()
 }
 
-/// Places of a side's points in its cloud's own frame.
+/// Returns the positions of a side's points in its cloud's own frame.
 fn global_positions(side: FeatureView<'_>) -> Vec<Vec3> {
     side.points.iter().map(|p| math::add(p.map(f64::from), side.origin)).collect()
 }
 
-/// Heaviest first; of equal ones those of the first source points.
+/// Sorts the heaviest first; equal weights by source point.
 fn sort_by_weight(mut links: Vec<WeightedLink>) -> Vec<WeightedLink> {
     links.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     links

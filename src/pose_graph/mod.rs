@@ -1,4 +1,4 @@
-//! Graphs of poses: what optimisers make one frame of.
+//! Pose graphs: the input from which optimisers compute one common frame.
 
 use std::collections::{HashMap, VecDeque};
 use std::fmt::Write;
@@ -10,24 +10,24 @@ use crate::io;
 use crate::math::cholesky::Mat6;
 use crate::math::{self, Vec3};
 
-/// How those who read a graph measure how far a rotation is from that of an edge.
+/// How a reader of the graph measures the rotation error of an edge.
 ///
-/// Either way errors are those of Z⁻¹ Xᵢ⁻¹ Xⱼ, with Z of the edge, Xᵢ of the target and Xⱼ of the
-/// source: the pose is perturbed on its right, in the source's frame, and the shift stands before
-/// the rotation. What perturbs on the left, as the example of pose graphs of Ceres does, wants
-/// another information.
+/// With both, the error is that of Z⁻¹ Xᵢ⁻¹ Xⱼ, with Z of the edge, Xᵢ of the target and Xⱼ of the
+/// source: the pose is perturbed on its right, in the source's frame, and the translation comes
+/// before the rotation. A reader that perturbs on the left, as the pose graph example of Ceres,
+/// needs another information matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Tangent {
-    /// By the vector part of the unit quaternion, half the rotation vector: g2o
-    /// (`EdgeSE3`, whose error is `toVectorMQT` of that pose).
+    /// The vector part of the unit quaternion, half the rotation vector: g2o (`EdgeSE3`, whose
+    /// error is `toVectorMQT` of that pose).
     #[default]
     Quaternion,
-    /// By the rotation vector: GTSAM (`BetweenFactor<Pose3>`), whose reader of such files puts the
-    /// rotation before the shift, as it has them.
+    /// The rotation vector: GTSAM (`BetweenFactor<Pose3>`), whose reader of such files reorders the
+    /// matrix to rotation before translation, its own order.
     RotationVector,
 }
 
-/// Clouds, and the poses between them that may be used.
+/// Clouds, and the accepted poses between them.
 ///
 /// Edges count as independent of each other: a pair that is listed both ways is two edges, and
 /// its information counts twice. Each [part](Self::component_count) floats by itself: optimisers want one
@@ -53,35 +53,35 @@ pub enum Tangent {
 pub struct PoseGraph {
     names: Vec<String>,
     edges: Vec<Edge>,
-    /// Numbers of the clouds by their names.
+    /// Vertex numbers of the clouds by their names.
     vertices: HashMap<String, usize>,
 }
 
-/// Longest shifts: as far as coordinates of clouds go.
+/// Longest translation: the range of cloud coordinates.
 const MAX_LENGTH: f64 = 1e75;
-/// Largest entry of an information, which is multiplied by squares of lengths: both together stay
-/// below the 1.8e308 of f64.
+/// Largest entry of an information matrix. Entries are multiplied by squared lengths, and the
+/// products stay below the 1.8e308 of f64.
 const MAX_INFORMATION: f64 = 1e150;
 
 /// A verified pose between two clouds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEdge<'a> {
-    /// Name of the cloud that is moved.
+    /// Name of the moving cloud.
     pub source: &'a str,
-    /// Name of the cloud that stays.
+    /// Name of the fixed cloud.
     pub target: &'a str,
-    /// Maps source points into the target's frame; without a scale.
+    /// Maps source points into the target's frame; its scale is 1.
     pub pose: Transform,
-    /// Information of a rotation vector about `center` and of a shift, as
-    /// [`PoseCovariance::information`](crate::verify::PoseCovariance::information) has it.
+    /// Information of a rotation vector about `center` and of a translation, as returned by
+    /// [`PoseCovariance::information`](crate::verify::PoseCovariance::information).
     pub information: Mat6,
-    /// The centre of rotations, in the target's frame.
+    /// The centre of rotation, in the target's frame.
     pub center: Vec3,
-    /// The probability that the pose is right.
+    /// The probability that the pose is correct.
     pub probability: f64,
 }
 
-/// A pose between two clouds, by their numbers.
+/// A pose between two clouds, given by their vertex numbers.
 #[derive(Debug, Clone, PartialEq)]
 struct Edge {
     source: usize,
@@ -93,7 +93,7 @@ struct Edge {
 }
 
 impl PoseGraph {
-    /// The graph without clouds.
+    /// Returns a graph without clouds.
     pub fn new() -> PoseGraph {
         PoseGraph::default()
     }
@@ -108,11 +108,11 @@ impl PoseGraph {
         self.names.len() - 1
     }
 
-    /// Adds an edge between two clouds that are, or then become, vertices.
+    /// Adds an edge between two clouds; clouds that are not in the graph become vertices.
     ///
     /// # Errors
-    /// [`Error::Config`] for a cloud to itself, a pose that is no rotation and shift, and numbers
-    /// that leave the range of f64 where they are multiplied.
+    /// [`Error::Config`] for an edge from a cloud to itself, for a pose that is not a rotation and
+    /// a translation, and for numbers whose products leave the range of f64.
     pub fn add_edge(&mut self, edge: &PoseEdge<'_>) -> Result<()> {
         let PoseEdge { source, target, pose, information, center, probability } = *edge;
         let refuse = |rule: &str| Err(Error::config("edge", format!("{source} to {target}"), rule));
@@ -139,7 +139,7 @@ impl PoseGraph {
         Ok(())
     }
 
-    /// Names of the clouds, by their numbers in the graph.
+    /// Returns the names of the clouds, by their vertex numbers.
     pub fn names(&self) -> &[String] {
         &self.names
     }
@@ -192,17 +192,17 @@ impl PoseGraph {
         (placed.into_iter().map(|pose| pose.unwrap_or(Transform::IDENTITY)).collect(), parts)
     }
 
-    /// The graph as g2o has it, for those who measure rotations by `tangent`: a line
-    /// `VERTEX_SE3:QUAT number x y z qx qy qz qw` for the pose of each cloud, and a line
-    /// `EDGE_SE3:QUAT target source x y z qx qy qz qw` with the upper triangle of the information,
-    /// row by row, for that of a source in the frame of its target. Rows of the information are x, y,
-    /// z, then the rotation about x, y, z, both in the source's frame; 0 along motions that nothing
-    /// holds.
+    /// Returns the graph as g2o text, for readers that measure rotations by `tangent`. Each cloud
+    /// is a line `VERTEX_SE3:QUAT number x y z qx qy qz qw` with its pose. Each edge is a line
+    /// `EDGE_SE3:QUAT target source x y z qx qy qz qw` with the pose of the source in the frame of
+    /// the target, then the upper triangle of the information matrix, row by row. Rows of that
+    /// matrix are x, y, z, then the rotation about x, y, z, both in the source's frame; it is 0
+    /// along unconstrained motions.
     pub fn g2o(&self, tangent: Tangent) -> String {
         let mut text = String::new();
         let mut line = |words: &[&str], numbers: &mut dyn Iterator<Item = f64>| {
             text += &words.join(" ");
-            // Adding zero turns -0 into 0. Text takes all that is written.
+            // Adding zero turns -0 into 0. Writing to a string cannot fail.
             numbers.for_each(|x| _ = write!(text, " {:?}", x + 0.0));
             text.push('\n');
         };
@@ -220,7 +220,7 @@ impl PoseGraph {
         text
     }
 
-    /// Writes [`g2o`](Self::g2o) to a file; one that was there is replaced.
+    /// Writes [`g2o`](Self::g2o) to a file; an existing file is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -230,15 +230,16 @@ impl PoseGraph {
 }
 
 impl Edge {
-    /// The information of (t, r) with the true pose T·(t, r): a shift and, as `tangent` has it, a
-    /// rotation in the source's frame, where that of the row is of (ω, τ) with the true pose
-    /// p ↦ exp(ω)(T p − c) + c + τ. The rotation vector in the source's frame is h r, with h = 2 for
-    /// the vector part of a quaternion, else 1. To first order, with T = (R, s),
+    /// Returns the information of (t, r) with the true pose T·(t, r): a translation and a rotation
+    /// in the source's frame, parameterised by `tangent`. The information of the edge is that of
+    /// (ω, τ) with the true pose p ↦ exp(ω)(T p − c) + c + τ. The rotation vector in the source's
+    /// frame is h r, with h = 2 for the vector part of a quaternion, else 1. To first order, with T
+    /// = (R, s),
     ///
-    /// ω = h R r,    τ = R t + (s − c) × h R r,
+    /// ω = h R r, τ = R t + (s − c) × h R r,
     ///
-    /// as T·(t, r) moves the point c by τ: T maps R⁻¹(c − s) there, and a turn by ω about s moves it by
-    /// ω × (c − s) too. So (ω, τ) = B (t, r), and the information is Bᵀ I B.
+    /// as T·(t, r) moves the point c by τ: T maps R⁻¹(c − s) to c, and a rotation by ω about s also
+    /// moves c by ω × (c − s). So (ω, τ) = B (t, r), and the information is Bᵀ I B.
     fn information_in(&self, tangent: Tangent) -> Mat6 {
         let half = match tangent {
             Tangent::Quaternion => 2.0,
@@ -294,7 +295,7 @@ mod tests {
         Transform { translation, ..Transform::from_rotation_vector(vector) }
     }
 
-    /// Twelve uniform numbers, near enough a normal one.
+    /// Returns the sum of twelve uniform numbers, an approximately normal number.
     fn normal(random: &mut ChaCha8Rng) -> f64 {
         (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
     }
@@ -320,7 +321,7 @@ mod tests {
         for tangent in [Tangent::Quaternion, Tangent::RotationVector] {
             let told = edge.information_in(tangent);
             let factor = cholesky::factor(&told).unwrap();
-            // Whitened errors, as those who read the graph measure them.
+            // Whitened errors, as a reader of the graph measures them.
             let mut scatter = [[0.0; 6]; 6];
             const TRIALS: usize = 20_000;
             for _ in 0..TRIALS {

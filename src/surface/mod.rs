@@ -1,5 +1,5 @@
-//! The surface of a scan: points with normals and descriptors, and what the sensor saw; pairs of
-//! two surfaces under a pose; the pose at which they rest on each other.
+//! The surface of a scan: points with normals and descriptors, and the sensor's depth image; pairs
+//! of two surfaces under a pose; refinement of a pose on two surfaces.
 //!
 //! Positions are local, about an origin, in f32.
 
@@ -25,9 +25,9 @@ pub(crate) use pairs::surface_pairs;
 pub(crate) use refine::{RefineOptions, Refined, refine};
 pub(crate) use similarity::refine_with_scale;
 
-/// Distance within which surfaces lie on each other, in voxels. Chosen by hand.
+/// Distance within which surfaces overlap, in voxels. Chosen by hand.
 pub(crate) const INLIER_DISTANCE: f64 = 1.5;
-/// Distance beyond which no surface is looked for, in voxels.
+/// Largest distance of the search for a surface, in voxels. Chosen by hand.
 pub(crate) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
 
 /// Points of a surface with their normals and descriptors. Positions are about `origin`.
@@ -38,13 +38,13 @@ pub(crate) struct Surface {
     /// Unit vectors.
     pub(crate) normals: Vec<[f32; 3]>,
     pub(crate) descriptors: Descriptors,
-    /// Values of channels at the points, channel by channel, until they stand beside the
+    /// Values of channels at the points, channel by channel, until they are appended to the
     /// descriptors.
     pub(crate) channels: Vec<Vec<f32>>,
-    /// How much points count; all alike where the cloud has no weights.
+    /// Weights of the points; `None`, all equal, if the cloud has no weights.
     pub(crate) weights: Option<Vec<f32>>,
     pub(crate) index: Arc<SurfaceIndex>,
-    /// What the sensor saw, where its place is known.
+    /// The sensor's depth image, if the viewpoint is known.
     pub(crate) depth_image: Option<Arc<DepthImage>>,
     pub(crate) oriented_by: OrientedBy,
 }
@@ -56,7 +56,7 @@ pub(crate) struct SurfaceIndex {
 }
 
 impl SurfaceIndex {
-    /// An index of `points`, which finds what is at most `radius` away.
+    /// Builds an index of `points`, for queries up to `radius`.
     ///
     /// # Errors
     /// Those of [`SearchTree::new`].
@@ -67,8 +67,7 @@ impl SurfaceIndex {
         })
     }
 
-    /// Bytes that the index of `count` points takes: the tree has them once more, with their
-    /// numbers.
+    /// Bytes of an index of `count` points: the tree has a copy of the points, with their numbers.
     pub(crate) fn bytes(&self, count: usize) -> usize {
         count * 4 * 4 + self.occupancy.bytes()
     }
@@ -83,8 +82,8 @@ impl Surface {
         self.points[i].map(f64::from)
     }
 
-    /// The point nearest to `place`; none, mostly, where it is farther away than the radius of the
-    /// index.
+    /// Finds the point nearest to `place`; mostly `None` if that point is farther away than the
+    /// radius of the index.
     pub(crate) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
         self.index.occupancy.may_contain(&place).then(|| self.index.tree.nearest(&place))
@@ -94,12 +93,12 @@ impl Surface {
         self.normals[i].map(f64::from)
     }
 
-    /// How much point `i` counts, 1 in the mean.
+    /// Weight of point `i`, 1 in the mean.
     pub(crate) fn weight(&self, i: usize) -> f64 {
         self.weights.as_ref().map_or(1.0, |weights| f64::from(weights[i]))
     }
 
-    /// The surface of a cloud without descriptors, for tests.
+    /// Builds the surface of a cloud without descriptors, for tests.
     #[cfg(test)]
     pub(crate) fn of_cloud(cloud: &crate::cloud::PointCloud, radius: f64) -> Surface {
         use crate::normals::{Orientation, estimate};
@@ -125,13 +124,13 @@ impl Surface {
     }
 }
 
-/// A pose between local frames as one between the clouds' own.
+/// Converts a pose between local frames into one between the clouds' own frames.
 pub(crate) fn to_cloud_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
     let there = math::add(pose.translation, onto.origin);
     Transform { translation: math::sub(there, pose.rotate(from.origin)), ..*pose }
 }
 
-/// A pose between the clouds' own frames as one between local ones.
+/// Converts a pose between the clouds' own frames into one between local frames.
 pub(crate) fn to_local_frames(pose: &Transform, from: &Surface, onto: &Surface) -> Transform {
     Transform { translation: math::sub(pose.apply(from.origin), onto.origin), ..*pose }
 }

@@ -1,13 +1,13 @@
-//! Normal equations of a small motion: of six unknowns, a rotation vector and a shift, or of
-//! seven, with the logarithm of a scale behind.
+//! Normal equations of a small motion: of six unknowns, a rotation vector and a translation, or of
+//! seven, with the logarithm of a scale last.
 
 use crate::math::cholesky;
 use crate::math::{self, Mat3, Vec3};
 
 /// Σ w JᵀMJ, Σ w JᵀMe and Σ w eᵀMe over residuals e with Jacobians J = ∂e/∂motion.
 ///
-/// Point-to-plane residuals are one number along a direction, with M = 1 ([`add_row`]); those of
-/// generalized ICP are three, with M the inverse of a covariance ([`add_residual`]).
+/// Point-to-plane residuals are scalars along a direction, with M = 1 ([`add_row`]); those of
+/// generalized ICP are 3-vectors, with M the inverse of a covariance ([`add_residual`]).
 ///
 /// [`add_row`]: Self::add_row
 /// [`add_residual`]: NormalEquations::add_residual
@@ -22,7 +22,7 @@ impl<const N: usize> NormalEquations<N> {
     pub(crate) const ZERO: Self =
         NormalEquations { hessian: [[0.0; N]; N], gradient: [0.0; N], error: 0.0 };
 
-    /// Adds one residual with its Jacobian, a row.
+    /// Adds one scalar residual with its Jacobian, a row.
     pub(crate) fn add_row(&mut self, weight: f64, row: &[f64; N], residual: f64) {
         for u in 0..N {
             self.gradient[u] += weight * row[u] * residual;
@@ -44,16 +44,16 @@ impl<const N: usize> NormalEquations<N> {
         (0..N).map(|u| self.hessian[u][u]).sum::<f64>() / N as f64
     }
 
-    /// The least pivot of the Hessian over the mean of its diagonal: how well the least
-    /// constrained motion is constrained; 0 for a Hessian that is not positive definite.
+    /// Smallest pivot of the Hessian over the mean of its diagonal: how well the least constrained
+    /// motion is constrained; 0 for a Hessian that is not positive definite.
     pub(crate) fn min_pivot(&self) -> f64 {
         let pivots =
             cholesky::factor(&self.hessian).map(|l| (0..N).map(move |u| l[u][u] * l[u][u]));
         pivots.map_or(0.0, |pivots| pivots.fold(f64::INFINITY, f64::min) / self.mean_curvature())
     }
 
-    /// The motion that makes the quadratic model least, with `damping` added to the diagonal of
-    /// the Hessian; `None` unless that is positive definite.
+    /// Returns the motion that minimises the quadratic model, with `damping` added to the diagonal
+    /// of the Hessian; `None` unless the damped Hessian is positive definite.
     pub(crate) fn solve(&self, damping: f64) -> Option<[f64; N]> {
         let mut damped = self.hessian;
         (0..N).for_each(|u| damped[u][u] += damping);
@@ -62,9 +62,9 @@ impl<const N: usize> NormalEquations<N> {
 }
 
 impl NormalEquations<6> {
-    /// Adds a residual of three at the moved point `at`, with the symmetric `information` M.
+    /// Adds a 3-vector residual at the moved point `at`, with the symmetric `information` M.
     pub(crate) fn add_residual(&mut self, weight: f64, e: Vec3, at: Vec3, information: &Mat3) {
-        // A unit rotation about each axis, a unit shift along each.
+        // A unit rotation about each axis, a unit translation along each.
         let columns = [
             [0.0, -at[2], at[1]],
             [at[2], 0.0, -at[0]],
@@ -83,8 +83,8 @@ impl NormalEquations<6> {
     }
 }
 
-/// How the distance along `direction` of a point at `arm` from the centre of rotation grows with
-/// a rotation vector and with a shift in units of `length`.
+/// Derivative of the distance along `direction` of a point at `arm` from the centre of rotation by
+/// a rotation vector and by a translation in units of `length`.
 pub(crate) fn twist_row(arm: Vec3, direction: Vec3, length: f64) -> [f64; 6] {
     let [a, b, c] = math::cross(arm, direction);
     let [x, y, z] = math::scaled(direction, length);

@@ -1,14 +1,14 @@
-//! Points of two surfaces that lie on each other under a pose.
+//! Pairs of points of two surfaces that overlap under a pose.
 
 use super::Surface;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 
-/// Cosine of the angle between normals, whichever way they face, above which points are paired:
-/// 45 degrees. Chosen by hand.
+/// Cosine of the angle between normals, regardless of their sign, above which points are paired: 45
+/// degrees. Chosen by hand.
 const MIN_NORMAL_COSINE: f64 = 0.7;
 
-/// A source point that lies on the target's surface under the pose.
+/// A source point and its nearest target point under the pose.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePair {
     /// Weight of the pair, above 0.
@@ -17,13 +17,13 @@ pub struct SurfacePair {
     pub point: Vec3,
     /// The moved source point minus its target point.
     pub residual: Vec3,
-    /// Unit normals of the moved source point, and of its target point; of either sign.
+    /// Unit normals of the moved source point and of its target point; of either sign.
     pub normals: [Vec3; 2],
 }
 
 impl SurfacePair {
-    /// Unit mean of both normals, as the target's points: along it the distance of two curved
-    /// surfaces is free of their curvature (Rusinkiewicz 2019).
+    /// Unit mean of both normals, with the sign of the target's: along it the distance of two
+    /// curved surfaces is free of their curvature (Rusinkiewicz 2019).
     pub fn mean_normal(&self) -> Vec3 {
         let [own, other] = self.normals;
         let sign = if math::dot(own, other) < 0.0 { -1.0 } else { 1.0 };
@@ -31,11 +31,12 @@ impl SurfacePair {
     }
 }
 
-/// Pairs of every `stride`-th point of the source with the nearest point of the target under
-/// `pose`, local frame to local frame, at most `max_distance` apart: rows of both, and the pair.
+/// Returns pairs of every `stride`-th point of the source with the nearest point of the target
+/// under `pose`, local frame to local frame, at most `max_distance` apart: the point numbers in
+/// both, and the pair.
 ///
-/// A pair weighs the cosine between its normals × (1 − d²/max_distance²)² × the weights of its
-/// points.
+/// The weight of a pair is the cosine between its normals × (1 − d²/max_distance²)² × the weights
+/// of its points.
 pub(crate) fn surface_pairs<'a>(
     [source, target]: [&'a Surface; 2],
     pose: &'a Transform,

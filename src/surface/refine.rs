@@ -1,5 +1,5 @@
-//! A pose refined on two surfaces: along the mean of both normals (Rusinkiewicz 2019), weighed by
-//! distance and by the angle between the normals.
+//! Refinement of a pose on two surfaces: along the mean of both normals (Rusinkiewicz 2019),
+//! weighted by distance and by the angle between the normals.
 
 use super::{NormalEquations, Surface, surface_pairs, twist_row};
 use crate::cloud::Transform;
@@ -7,10 +7,10 @@ use crate::math;
 use crate::moments::Moments;
 use crate::pose::Prior;
 
-/// Weight of the distance along the surface beside that across it: keeps planes from sliding.
+/// Weight of the tangential residual relative to the normal residual: keeps planes from sliding.
 /// Chosen by hand.
 const TANGENTIAL_WEIGHT: f64 = 0.05;
-/// Pairs below which nothing is solved. Chosen by hand.
+/// Fewest pairs for a solution. Chosen by hand.
 const MIN_PAIRS: usize = 10;
 /// First iterations, in which pairs may be twice as far apart. Chosen by hand.
 const WIDE_ITERATIONS: usize = 3;
@@ -26,16 +26,16 @@ pub(crate) struct Refined {
 /// How many points are paired, and when the iterations end.
 #[derive(Clone, Copy)]
 pub(crate) struct RefineOptions {
-    /// Points of the source that are paired, spread evenly.
+    /// Number of source points that are paired, spread evenly.
     pub(crate) max_points: usize,
     pub(crate) max_iterations: u32,
-    /// The iterations end at a shift below this share of the largest distance of a pair, with a
-    /// rotation below a hundredth of it, in radians.
+    /// The iterations end at a translation below this share of the largest pair distance, with a
+    /// rotation below a hundredth of this share, in radians.
     pub(crate) tolerance: f64,
 }
 
 /// Refines `start`, local frame to local frame, with pairs at most `max_distance` apart. After each
-/// step the pose is the nearest that `prior` allows.
+/// step the pose is projected to the nearest pose that `prior` allows.
 pub(crate) fn refine(
     [source, target]: [&Surface; 2],
     start: &Transform,
@@ -107,7 +107,7 @@ mod tests {
         };
         let surfaces = [bumps(0.0), bumps(0.4)];
         let surfaces = surfaces.each_ref();
-        // The identity between the clouds' own frames, in local ones.
+        // The identity between the clouds' own frames, in local frames.
         let truth = Transform {
             translation: math::sub(surfaces[0].origin, surfaces[1].origin),
             ..Transform::IDENTITY
@@ -116,10 +116,10 @@ mod tests {
         let start = Transform { translation: [0.5, -0.4, 0.6], ..turn }.after(&truth);
         let refined = refine(surfaces, &start, 1.5, FULL, &Prior::default());
         let off = truth.after(&refined.pose.inverse());
-        // A part of the spacing of 1, at which both sample the bumps.
+        // A fraction of the spacing of 1 at which both clouds sample the bumps.
         assert!(off.angle() < 2e-3 && math::norm(off.translation) < 0.2, "{off:?}");
         assert!(refined.moments.weight > 100.0 && refined.iterations > 2);
-        // From far away nothing is paired: the pose stays.
+        // From far away nothing is paired: the pose is unchanged.
         let far = Transform { translation: [1e4, 0.0, 0.0], ..Transform::IDENTITY };
         let stays = refine(surfaces, &far, 1.5, FULL, &Prior::default());
         assert_eq!((stays.pose, stays.iterations), (far, 0));

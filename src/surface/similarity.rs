@@ -1,23 +1,24 @@
-//! A pose with a scale, refined on two surfaces.
+//! Refinement of a pose with a scale on two surfaces.
 
 use super::{NormalEquations, Surface, SurfacePair, surface_pairs, twist_row};
 use crate::cloud::Transform;
 use crate::math;
 
-/// Steps that are taken. Chosen by hand.
+/// Number of steps. Chosen by hand.
 const ITERATIONS: usize = 30;
-/// Points of the source that are paired, spread evenly. Chosen by hand.
+/// Number of source points that are paired, spread evenly. Chosen by hand.
 const MAX_POINTS: usize = 2000;
-/// Pairs below which nothing is solved. Chosen by hand.
+/// Fewest pairs for a solution. Chosen by hand.
 const MIN_PAIRS: usize = 30;
-/// Weight of the distance along the surface beside that across it: keeps planes from sliding.
+/// Weight of the tangential residual relative to the normal residual: keeps planes from sliding.
 /// Chosen by hand.
 const TANGENTIAL_WEIGHT: f64 = 0.05;
 /// Largest change of the logarithm of the scale in a step. Chosen by hand.
 const MAX_STEP: f64 = 0.1;
 
-/// `pose`, local frame to local frame, with the scale, rotation and shift at which pairs at most
-/// `max_distance` apart rest; `None` where there are too few, or they leave a motion open.
+/// Refines scale, rotation and translation of `pose`, local frame to local frame, on pairs at most
+/// `max_distance` apart; `None` if there are too few pairs, or if they leave a motion
+/// unconstrained.
 pub(crate) fn refine_with_scale(
     surfaces: [&Surface; 2],
     pose: &Transform,

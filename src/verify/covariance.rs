@@ -1,10 +1,10 @@
-//! How far a pose may be off, and along which motions nothing holds it.
+//! Covariance of a pose, and the motions along which it is unconstrained.
 //!
-//! A pose at rest on two surfaces solves g = Σ w J (n·e) = 0 over the points that lie on each
-//! other. As for any such estimator (White 1982) its covariance is A⁻¹ B A⁻ᵀ: B the scatter of
-//! the terms of g, summed over neighbours first, whose errors go together; A how g answers to a
-//! motion. A is measured by moving the pose and finding the pairs again: nearest points follow a
-//! motion, and the surfaces hold less than Σ w J Jᵀ would say.
+//! A pose refined on two surfaces solves g = Σ w J (n·e) = 0 over the surface pairs. As for any
+//! such estimator (White 1982) its covariance is A⁻¹ B A⁻ᵀ. B is the scatter of the terms of g,
+//! summed first over neighbours, whose errors are correlated. A is the derivative of g by a motion.
+//! A is measured by moving the pose and finding the pairs again: nearest points follow a motion,
+//! and the surfaces constrain the pose less than Σ w J Jᵀ would suggest.
 
 use std::collections::BTreeMap;
 
@@ -23,55 +23,56 @@ use crate::surface::{SurfacePair, twist_row};
 pub struct Twist {
     /// Rotation vector, radians.
     pub rotation: Vec3,
-    /// In the target's unit.
+    /// Translation, in the target's unit.
     pub translation: Vec3,
 }
 
-/// Covariance of a pose that rests on surfaces.
+/// Covariance of a pose that is refined on surfaces.
 ///
-/// With c the [`center`](Self::center), T the pose and p a point, the true pose is
-/// p ↦ exp(ω)(T p − c) + c + τ; the matrix is that of (ω, τ).
+/// With c the [`center`](Self::center), T the pose and p a point, the true pose is p ↦ exp(ω)(T p −
+/// c) + c + τ; the matrix is that of (ω, τ).
 ///
 /// It knows of noise and of errors that go together among neighbours, not of a scan that is
 /// warped as a whole, which agrees with itself and no other frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoseCovariance {
-    /// Rows of six: rotation vector (radians), then shift (the target's unit).
+    /// Rows of six: rotation vector (radians), then translation (the target's unit).
     pub matrix: Mat6,
-    /// What turns are about, in the target's frame: the mean of the points that lie on each
-    /// other.
+    /// Centre of rotation, in the target's frame: the mean of the points where the surfaces
+    /// overlap.
     pub center: Vec3,
     /// Motions along which the surfaces slide on each other, |ω|² + |τ|²/r² = 1 with r the root
-    /// mean square distance of the points from the center. The matrix has the variance 1 (and r²)
-    /// along them, in place of infinity.
+    /// mean square distance of the points from the center. The variance of the matrix along them is
+    /// 1 (and r²), in place of infinity.
     #[serde(rename = "undetermined")]
     pub unobservable: Vec<Twist>,
 }
 
-/// Pairs below which nothing is said.
+/// Fewest pairs for a covariance. Chosen by hand.
 const MIN_PAIRS: usize = 10;
-/// Side of the cubes within which errors are taken to go together, in spacings.
+/// Side of the cubes within which errors are taken as correlated, in spacings. Chosen by hand.
 const CORRELATION_LENGTH: f64 = 8.0;
-/// Share of the curvature along a motion that normals of both surfaces must agree on: the rest
-/// is their noise, which holds nothing.
+/// Share of the curvature along a motion that the normals of both surfaces must agree on: the rest
+/// is noise of the normals, which constrains nothing. Chosen by hand.
 const NORMAL_AGREEMENT: f64 = 0.5;
-/// Motion by which the answer of the pairs is measured, in spacings, and points for it.
+/// Step of the finite differences, in spacings, and number of points for them. Chosen by hand.
 const DIFFERENCE_STEP: f64 = 0.2;
 const MAX_DIFFERENCE_POINTS: usize = 1000;
-/// What a sampled surface is not known better than, in spacings: where there is no noise at all,
-/// the errors left are of the two samplings and no residual shows them. So a slope is not known
-/// better than this either, and what moves points along their surface but for such slopes holds
-/// nothing: in clouds that are flat, or copies of each other, both normals are wrong alike.
+/// Standard deviation below which a sampled surface is never known, in spacings. Without any noise
+/// the remaining errors are those of the two samplings, and no residual shows them. Slopes are not
+/// known better than this either, and a motion that moves points along their surface except for
+/// smaller slopes is unconstrained: in clouds that are flat, or copies of each other, both normals
+/// have the same error. Chosen by hand.
 const SAMPLING_STD: f64 = 0.004;
 
 impl PoseCovariance {
-    /// Of a `pose` at rest on two surfaces.
+    /// Estimates the covariance of a `pose` that is refined on two surfaces.
     ///
-    /// `contacts` are the pairs under a pose, of at most so many source points spread evenly;
-    /// their places are about a local origin that `origin` brings into the target's frame.
-    /// `spacing` is that of the points.
+    /// `contacts` returns the surface pairs under a pose, of at most the given number of source
+    /// points spread evenly; their points are about a local origin that `origin` brings into the
+    /// target's frame. `spacing` is that of the points.
     ///
-    /// `None` for fewer than ten contacts and for those in one place.
+    /// `None` for fewer than ten surface pairs and if all pairs are at one position.
     pub fn estimate(
         contacts: impl Fn(&Transform, usize) -> Vec<SurfacePair> + Sync,
         pose: &Transform,
@@ -123,7 +124,7 @@ impl PoseCovariance {
             |m: &Mat6| faer::Mat::from_fn(held.len(), held.len(), |i, j| m[held[i]][held[j]]);
         let inverse = of_held(&answer).partial_piv_lu().inverse();
         let spread = &inverse * of_held(&scatter) * inverse.transpose();
-        // In the frame of the motions: 1 along those that nothing holds.
+        // In the frame of the motions: 1 along unconstrained motions.
         let mut own = [[0.0; 6]; 6];
         (0..6).for_each(|k| own[k][k] = 1.0);
         for (i, &k) in held.iter().enumerate() {
@@ -138,7 +139,7 @@ impl PoseCovariance {
             unit(i) * unit(j) * (0..6).map(|k| motions[k][i] * row(k)).sum::<f64>()
         };
         let matrix: Mat6 = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
-        // Rounding must neither break the symmetry nor give what is no number.
+        // Rounding must neither break the symmetry nor give NaN.
         let matrix =
             std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])));
         cholesky::factor(&matrix)?;
@@ -149,7 +150,8 @@ impl PoseCovariance {
         })
     }
 
-    /// The inverse of the matrix, but 0 along the motions that nothing holds: how much is known.
+    /// Returns the information matrix: the inverse of the covariance, but 0 along unconstrained
+    /// motions.
     ///
     /// `None` for a matrix that is not positive definite.
     pub fn information(&self) -> Option<Mat6> {
@@ -159,8 +161,8 @@ impl PoseCovariance {
             let unit: Vec6 = std::array::from_fn(|i| f64::from(u8::from(i == k)));
             *row = cholesky::solve(&factor, &unit);
         }
-        // Along such a motion v, which does not go together with others, the matrix is v vᵀ: its
-        // inverse has u uᵀ with u the inverse times v.
+        // Along an unconstrained motion v, which is not correlated with others, the matrix is v vᵀ:
+        // its inverse has u uᵀ with u the inverse times v.
         let full = information;
         for Twist { rotation: [a, b, c], translation: [x, y, z] } in &self.unobservable {
             let motion = [a, b, c, x, y, z];
@@ -175,9 +177,8 @@ impl PoseCovariance {
         }))
     }
 
-    /// The squared error of `pose`, which this is the covariance of, against the true one, in
-    /// units of what is expected: eᵀ Σ⁻¹ e, 6 in the mean where the covariance is right (less
-    /// what is undetermined).
+    /// Returns the normalised squared error of `pose`, which has this covariance, against the true
+    /// pose: eᵀ Σ⁻¹ e, 6 in the mean if the covariance is correct (less for unobservable motions).
     pub fn nees(&self, pose: &Transform, truth: &Transform) -> f64 {
         let off = truth.after(&pose.inverse());
         let [a, b, c] = off.rotation_vector();
@@ -188,7 +189,7 @@ impl PoseCovariance {
     }
 }
 
-/// Contacts whose errors are taken to go together.
+/// Surface pairs whose errors are taken as correlated.
 #[derive(Default)]
 struct CorrelationCell {
     weight: f64,
@@ -196,8 +197,8 @@ struct CorrelationCell {
 }
 
 impl CorrelationCell {
-    /// What the scatter of so many cubes is too small by, six unknowns having been fitted to
-    /// them: n / (n − 6), at most 2, for n as many cubes of one weight.
+    /// Factor by which the scatter of the cubes is too small after a fit of six unknowns to them: n
+    /// / (n − 6), at most 2, for n the number of equivalent cubes of one weight.
     fn degrees_of_freedom_correction<'a>(cubes: impl Iterator<Item = &'a CorrelationCell>) -> f64 {
         let sums = |(sum, squares): (f64, f64), cube: &CorrelationCell| {
             (sum + cube.weight, squares + cube.weight * cube.weight)
@@ -208,11 +209,11 @@ impl CorrelationCell {
     }
 }
 
-/// Where motions are taken about, and the length in which turns and shifts weigh alike.
+/// Centre of the motions, and the length at which rotations and translations weigh equally.
 struct NormalizedFrame {
     center: Vec3,
     radius: f64,
-    /// Of all contacts.
+    /// Sum over all surface pairs.
     weight: f64,
 }
 
@@ -233,7 +234,7 @@ impl NormalizedFrame {
         (radius > 0.0).then_some(NormalizedFrame { center, radius, weight })
     }
 
-    /// How the distance along `normal` grows with a motion, in radii.
+    /// Derivative of the distance along `normal` by a motion, in radii.
     fn jacobian_row(&self, contact: &SurfacePair, normal: Vec3) -> Vec6 {
         let arm = math::scaled(math::sub(contact.point, self.center), 1.0 / self.radius);
         twist_row(arm, normal, 1.0)
@@ -244,7 +245,7 @@ impl NormalizedFrame {
         contact.weight * math::dot(contact.mean_normal(), contact.residual) / self.radius
     }
 
-    /// Sum of the squares by which a motion moves the contacts, in radii.
+    /// Sum of the squared displacements of the surface pairs by a motion, in radii.
     fn squared_displacement(&self, contacts: &[SurfacePair], &[a, b, c, x, y, z]: &Vec6) -> f64 {
         let square = |contact: &SurfacePair| {
             let arm = math::scaled(math::sub(contact.point, self.center), 1.0 / self.radius);
@@ -258,8 +259,8 @@ impl NormalizedFrame {
         Twist { rotation: [a, b, c], translation: math::scaled([x, y, z], self.radius) }
     }
 
-    /// Change of the pull along each of `motions` (rows) by a step along each (columns), the
-    /// pairs found again.
+    /// Change of the gradient along each of `motions` (rows) by a step along each (columns), with
+    /// the pairs found again.
     fn finite_difference_hessian(
         &self,
         contacts: &(impl Fn(&Transform, usize) -> Vec<SurfacePair> + Sync),
@@ -299,7 +300,7 @@ impl NormalizedFrame {
     }
 }
 
-/// Eigenvalues, ascending, and unit eigenvectors as rows.
+/// Returns the eigenvalues, ascending, and unit eigenvectors as rows.
 fn symmetric_eigen(matrix: &Mat6) -> Option<(Vec6, [Vec6; 6])> {
     let matrix = faer::Mat::from_fn(6, 6, |i, j| matrix[i][j]);
     let eigen = matrix.self_adjoint_eigen(faer::Side::Lower).ok()?;
@@ -313,7 +314,7 @@ mod tests {
 
     #[test]
     fn nothing_is_known_along_what_is_undetermined() {
-        // A plane of radius 3: two shifts and a turn slide.
+        // A plane of radius 3: two translations and a rotation slide.
         let radius: f64 = 3.0;
         let slides = [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.6, 0.8, 0.0]];
         let mut matrix = [[0.0; 6]; 6];
@@ -344,7 +345,7 @@ mod tests {
             assert!(of.iter().all(|x: &f64| x.abs() < 1e-8), "{of:?}");
         }
         for v in held {
-            // Where something is known it is the inverse.
+            // Along constrained motions it is the inverse.
             let v: Vec6 = std::array::from_fn(|i| unit(i) * v[i]);
             let back: Vec6 = times(&matrix, &times(&information, &v));
             assert!(back.iter().zip(v).all(|(a, b)| (a - b).abs() < 1e-6), "{back:?} {v:?}");

@@ -1,4 +1,4 @@
-//! How well two clouds lie on each other under a pose.
+//! How well two clouds fit under a pose.
 
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -12,7 +12,7 @@ use crate::search::{self, NearestDistances};
 /// Default inlier distance, in resolutions of the coarser cloud.
 pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
 
-/// Agreement of two clouds under a pose.
+/// Fit of two clouds under a pose.
 ///
 /// Serialises with its [`chance_corrected_fitness`](Self::chance_corrected_fitness).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,22 +20,21 @@ pub struct Evaluation {
     /// Share of the *source* points that have a target point within
     /// [`max_distance`](Self::max_distance) once moved, in [0, 1].
     pub fitness: f64,
-    /// Share of the *target* points that have a moved source point within it, in [0, 1].
+    /// Share of the *target* points that have a moved source point within that distance, in [0, 1].
     pub target_fitness: f64,
-    /// Root mean square distance of the source points counted in `fitness` to their
-    /// nearest target points, in the target's unit; `null` (NaN) when there is none.
+    /// Root mean square distance of the source points counted in `fitness` to their nearest target
+    /// points, in the target's unit; `null` (NaN) if there are none.
     pub inlier_rmse: f64,
-    /// Largest distance that counts, in the target's unit.
+    /// Inlier distance, in the target's unit.
     pub max_distance: f64,
-    /// The fitness that a wrong rotation gets by chance: mean over the source turned by
-    /// quarter turns about its own centre. High for dense, compact or symmetric clouds.
+    /// The fitness that a wrong rotation gets by chance: mean over quarter turns of the source
+    /// about its own centre. High for dense, compact or symmetric clouds.
     pub chance_fitness: f64,
 }
 
 impl Evaluation {
-    /// Fitness beyond chance, (fitness − chance)/(1 − chance), at most 1: comparable
-    /// between clouds of different density and shape, where fitness alone is not. 0 when
-    /// chance is 1.
+    /// Returns the fitness beyond chance, (fitness − chance)/(1 − chance), at most 1: comparable
+    /// between clouds of different density and shape, unlike the fitness. 0 when chance is 1.
     pub fn chance_corrected_fitness(&self) -> f64 {
         if self.chance_fitness < 1.0 {
             (self.fitness - self.chance_fitness) / (1.0 - self.chance_fitness)
@@ -93,16 +92,16 @@ pub fn default_distance(source: &PointCloud, target: &PointCloud, scale: f64) ->
     Ok(default_distance_from_resolutions(source, target, scale))
 }
 
-/// The [`default_distance`] of clouds whose resolutions are known.
+/// Returns the [`default_distance`] of clouds whose resolutions are known.
 pub(crate) fn default_distance_from_resolutions(source: f64, target: f64, scale: f64) -> f64 {
     DISTANCE_IN_RESOLUTIONS * (source * scale).max(target)
 }
 
-/// Compares `source` moved by `transform` with `target`.
+/// Evaluates the fit of `source`, moved by `transform`, to `target`.
 ///
 /// # Errors
-/// [`Error::TooFewPoints`] for an empty cloud, [`Error::Config`] unless `max_distance` is
-/// finite and not negative, [`Error::Extent`] when the transform blows the source up.
+/// [`Error::TooFewPoints`] for an empty cloud, [`Error::Config`] unless `max_distance` is finite
+/// and not negative, [`Error::Extent`] when the moved source exceeds the coordinate range.
 pub fn evaluate(
     source: &PointCloud,
     target: &PointCloud,
@@ -118,7 +117,7 @@ pub fn evaluate(
             return Err(Error::TooFewPoints { what: name.into(), found: 0, needed: 1 });
         }
     }
-    // Both about the target's origin, so that f32 distances are as fine as its points.
+    // Both clouds about the target's origin, so that f32 distances are as fine as its points.
     let moved = |p| math::sub(transform.apply(p), target.origin()).map(|x| x as f32);
     let moved: Vec<[f32; 3]> = source.positions().map(moved).collect();
     if moved.as_flattened().iter().any(|x| x.is_nan() || x.abs() > 1e18) {
@@ -142,10 +141,10 @@ pub fn evaluate(
     })
 }
 
-/// Most points that the chance level is measured on: a share is known to 0.01 from these.
+/// Most points for the measurement of the chance fitness: they give a share to 0.01.
 const MAX_CHANCE_POINTS: usize = 1000;
 
-/// Mean fitness of `moved` after quarter turns about its centroid.
+/// Returns the mean fitness of `moved` after quarter turns about its centroid.
 fn chance_fitness(moved: &[[f32; 3]], target: &NearestDistances, limit: f32) -> f64 {
     let step = moved.len().div_ceil(MAX_CHANCE_POINTS);
     let points: Vec<Vec3> = moved.iter().step_by(step).map(|p| p.map(f64::from)).collect();

@@ -1,4 +1,4 @@
-//! A look at a pose, whoever found it.
+//! Evaluation of a pose from any source.
 
 use serde::Serialize;
 
@@ -6,20 +6,19 @@ use super::{Evaluation, PoseError, default_distance, evaluate, pose_error};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 
-/// What can be said of a pose: how the clouds lie under it, and how far it is from the truth.
+/// Evaluation of a pose: the fit of the clouds, and the error against the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EvaluationReport {
-    /// How the clouds lie on each other.
+    /// Fit of the clouds.
     #[serde(flatten)]
     pub evaluation: Evaluation,
-    /// The error, where the truth is known.
+    /// The error, if the truth is known.
     pub truth: Option<PoseError>,
 }
 
-/// Judges `transform`, which moves `source` onto `target`.
+/// Evaluates `transform`, which moves `source` onto `target`.
 ///
-/// Pairs count up to `max_distance`, in the target's unit; by default the
-/// [`default_distance`].
+/// Pairs count up to `max_distance`, in the target's unit; the default is the [`default_distance`].
 ///
 /// # Errors
 /// Those of [`evaluate()`] and [`default_distance`].

@@ -1,34 +1,35 @@
-//! Evidence for a pose on the surfaces themselves, whoever proposed it.
+//! Evidence for a pose on the surfaces, for a pose from any source.
 
 use crate::cloud::Transform;
 use crate::math;
 use crate::surface::{INLIER_DISTANCE, Surface};
 
-/// Cosine of the angle between normals from which on surfaces face the same way: 45 degrees.
+/// Smallest cosine of the angle between normals of surfaces that face the same way: 45 degrees.
 /// Chosen by hand.
 const MIN_NORMAL_COSINE: f64 = 0.7;
-/// How far in front of a seen surface a point violates free space, in voxels. Chosen by hand.
+/// Distance in front of a seen surface from which on a point violates free space, in voxels. Chosen
+/// by hand.
 const MIN_CLEARANCE: f64 = 3.0;
-/// Points of the other surface that a descriptor is compared with. Chosen by hand.
+/// Number of points of the other surface that a descriptor is compared with. Chosen by hand.
 const DISTINCTIVENESS_PROBES: usize = 48;
 
 /// Measurements for and against a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PoseEvidence {
-    /// Share of one surface's points that lie on the other and face the same way, each counted by
-    /// how well it does; the larger of the two directions, in [0, 1].
+    /// Share of one surface's points that overlap the other and face the same way, each weighted by
+    /// how well; the larger of the two directions, in [0, 1].
     pub(crate) overlap: f64,
-    /// How much better than by chance descriptors match where the surfaces overlap, in nats a
-    /// point, summed over both directions.
+    /// How much more similar than by chance the descriptors are where the surfaces overlap, in nats
+    /// a point, summed over both directions.
     pub(crate) descriptor_distinctiveness: f64,
     /// Sum of the inlier weights of the correspondences, at least 0.
     pub(crate) inlier_score: f64,
-    /// Share of the points that lie in space that the other sensor saw to be empty, summed over
-    /// both directions, in [0, 2]; `None` where a sensor's place is unknown.
+    /// Share of the points that are in space that the other sensor saw to be empty, summed over
+    /// both directions, in [0, 2]; `None` if a viewpoint is unknown.
     pub(crate) free_space_violation: Option<f64>,
 }
 
-/// One direction.
+/// Scores of one direction.
 #[derive(Clone, Copy, Default)]
 struct DirectionScore {
     points: usize,
@@ -40,7 +41,7 @@ struct DirectionScore {
 
 impl PoseEvidence {
     /// Measures at most `max_points` of each surface, spread evenly, under `pose`, which moves the
-    /// source, local frame to local frame; `inlier_score` is that of the correspondences.
+    /// source, local frame to local frame; `inlier_score` is the score of the correspondences.
     pub(crate) fn compute(
         [source, target]: [&Surface; 2],
         pose: &Transform,
@@ -105,9 +106,9 @@ fn score_direction(
     sums
 }
 
-/// How much better the descriptors of two points match than that of the first with others of the
-/// second's surface: minus the logarithm of the share that matches as well, less 1, its mean for
-/// unrelated points. Flat pieces, which match any other, score about 0.
+/// Returns how much more similar the descriptors of two points are than the first descriptor and
+/// others of the second's surface: minus the logarithm of the share that is as similar, less 1, its
+/// mean for unrelated points. Flat patches, similar to any other, score about 0.
 fn descriptor_distinctiveness(from: &Surface, onto: &Surface, i: usize, j: usize) -> f64 {
     let row = from.descriptors.row(i);
     let distance = |j: usize| squared_descriptor_distance(row, onto.descriptors.row(j));
@@ -137,7 +138,7 @@ mod tests {
             PoseEvidence::compute([&surface; 2], &pose, 0.0, 1.0, usize::MAX).overlap
         };
         assert!(overlap(0.0) > 0.99 && overlap(0.5) < 0.9 && overlap(1.2) == 0.0);
-        // Nothing is known of free space without the places of the sensors.
+        // Free space is unknown without the viewpoints.
         let evidence =
             PoseEvidence::compute([&surface; 2], &Transform::IDENTITY, 2.0, 1.0, usize::MAX);
         assert_eq!((evidence.free_space_violation, evidence.inlier_score), (None, 2.0));

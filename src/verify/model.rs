@@ -1,4 +1,4 @@
-//! The model that turns evidence into probabilities and decisions: its coefficients are data.
+//! The model that converts evidence into probabilities and decisions: its coefficients are data.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -9,25 +9,25 @@ use super::evidence::PoseEvidence;
 use crate::error::{Error, Result};
 use crate::io::{self, truncate_message};
 
-/// Bounds of [`Confidence::translation_std`], in voxels: beyond them it tells no more. Chosen by
-/// hand.
+/// Informative range of [`Confidence::translation_std`], in voxels. Chosen by hand.
 const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
-/// Log odds are clamped to this, up and down: nothing is certain. Chosen by hand.
+/// Log odds are clamped to ± this value: no probability is 0 or 1. Chosen by hand.
 const MAX_LOG_ODDS: f64 = 30.0;
 
 static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
     serde_json::from_str(include_str!("model.json")).expect("a unit test reads the built-in model")
 });
 
-/// Coefficients of two logistic regressions and the thresholds of decisions.
+/// Coefficients of two logistic regressions, and the thresholds of decisions.
 ///
 /// The first ranks the poses of a pair by their evidence,
 ///
-/// log odds = intercept + overlap · ln(o + 0.01) + descriptor_distinctiveness · ln(max(d + 0.1, 0.01))
+/// log odds = intercept + overlap · ln(o + 0.01) + descriptor_distinctiveness · ln(max(d + 0.1,
+/// 0.01))
 /// + inlier_score · ln(1 + i) + free_space_violation · √f,
 ///
-/// with one set of coefficients where both sensor places are known and one where they are not. The
-/// second tells the probability of the answer,
+/// with one set of coefficients for known viewpoints of both clouds and one for all others. The
+/// second gives the probability of the best pose,
 ///
 /// log odds = intercept + pose · (log odds of the pose) + supporting_hypotheses · ln(1 + h)
 /// + translation_std · ln(s).
@@ -38,16 +38,16 @@ static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VerdictModel {
-    /// Name of the model; every verdict carries it.
+    /// Name of the model; every verdict has it.
     pub version: String,
-    /// How the coefficients were found; for people.
+    /// How the coefficients were found; for readers.
     #[serde(default)]
     pub fitted: serde_json::Map<String, serde_json::Value>,
     /// Coefficients that rank poses.
     pub pose: PoseCoefficients,
-    /// Coefficients of the probability of the answer.
+    /// Coefficients of the probability of the best pose.
     pub answer: AnswerCoefficients,
-    /// Thresholds of the decisions.
+    /// Decision thresholds.
     pub thresholds: Thresholds,
 }
 
@@ -55,9 +55,9 @@ pub struct VerdictModel {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseCoefficients {
-    /// Where the places of both sensors are known.
+    /// For known viewpoints of both clouds.
     pub sensors_known: EvidenceCoefficients,
-    /// Where one is not.
+    /// For pairs with an unknown viewpoint.
     pub sensors_unknown: EvidenceCoefficients,
 }
 
@@ -65,39 +65,39 @@ pub struct PoseCoefficients {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvidenceCoefficients {
-    /// Added to all others.
+    /// Constant term.
     pub intercept: f64,
-    /// Of ln(overlap + 0.01).
+    /// Coefficient of ln(overlap + 0.01).
     pub overlap: f64,
-    /// Of ln(max(distinctiveness + 0.1, 0.01)).
+    /// Coefficient of ln(max(distinctiveness + 0.1, 0.01)).
     pub descriptor_distinctiveness: f64,
-    /// Of ln(1 + inlier score).
+    /// Coefficient of ln(1 + inlier score).
     pub inlier_score: f64,
-    /// Of the square root of the violation.
+    /// Coefficient of the square root of the violation.
     pub free_space_violation: f64,
 }
 
-/// Coefficients of the probability of the answer.
+/// Coefficients of the probability of the best pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AnswerCoefficients {
-    /// Added to all others.
+    /// Constant term.
     pub intercept: f64,
-    /// Of the log odds of the pose.
+    /// Coefficient of the log odds of the pose.
     pub pose: f64,
-    /// Of ln(1 + hypotheses that converged to the pose).
+    /// Coefficient of ln(1 + hypotheses that converged to the pose).
     pub supporting_hypotheses: f64,
-    /// Of the logarithm of the standard deviation of the shift, in voxels.
+    /// Coefficient of the logarithm of the standard deviation of the translation, in voxels.
     pub translation_std: f64,
 }
 
-/// Thresholds of the decisions.
+/// Decision thresholds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thresholds {
-    /// Probability from which on a pose is accepted.
+    /// Lowest probability of an accepted pose.
     pub accept: f64,
-    /// Probability below which a pose is rejected, at most that of `accept`; between the two it is
+    /// Probability below which a pose is rejected, at most `accept`; between the two it is
     /// uncertain.
     pub reject: f64,
     /// A pose is ambiguous if an alternative has at least this share of its probability.
@@ -115,14 +115,14 @@ impl Default for Thresholds {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Confidence {
     pub(crate) evidence: PoseEvidence,
-    /// Refined hypotheses, of all, that converged to the pose.
+    /// Number of refined hypotheses that converged to the pose.
     pub(crate) supporting_hypotheses: usize,
-    /// Standard deviation of its shift, in voxels; `None` where nothing tells it.
+    /// Standard deviation of its translation, in voxels; `None` if it cannot be estimated.
     pub(crate) translation_std: Option<f64>,
 }
 
 impl Confidence {
-    /// The standard deviation of the shift within the range in which it tells something.
+    /// Returns the standard deviation of the translation, clamped to its informative range.
     pub(crate) fn bounded_translation_std(&self) -> f64 {
         let [min, max] = TRANSLATION_STD_RANGE;
         self.translation_std.map_or(max, |std| std.clamp(min, max))
@@ -130,22 +130,22 @@ impl Confidence {
 }
 
 impl Default for VerdictModel {
-    /// The built-in model.
+    /// Returns the built-in model.
     fn default() -> Self {
         BUILT_IN.clone()
     }
 }
 
 impl VerdictModel {
-    /// The built-in model.
+    /// Returns the built-in model.
     pub fn built_in() -> &'static VerdictModel {
         &BUILT_IN
     }
 
-    /// Reads a model from a file of JSON.
+    /// Reads a model from a JSON file.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parse`] for JSON that is no model; those of
+    /// [`Error::Io`]; [`Error::Parse`] for JSON that is not a model; those of
     /// [`validate`](Self::validate).
     pub fn read(path: impl AsRef<Path>) -> Result<VerdictModel> {
         let path = path.as_ref();
@@ -165,7 +165,7 @@ impl VerdictModel {
     /// Checks that all coefficients are finite and that 0 ≤ reject ≤ accept ≤ 1.
     ///
     /// # Errors
-    /// [`Error::Config`] with the name of the first number that is out of its range.
+    /// [`Error::Config`] with the name of the first number that is out of range.
     pub fn validate(&self) -> Result<()> {
         let Thresholds { accept, reject, ambiguous_odds } = self.thresholds;
         if !(0.0..=1.0).contains(&accept) {
@@ -209,7 +209,7 @@ impl VerdictModel {
         Ok(())
     }
 
-    /// The logarithm of the odds that a pose is right, by its evidence alone: ranks the poses of a
+    /// Returns the log odds that a pose is correct, by its evidence alone: ranks the poses of a
     /// pair.
     pub(crate) fn pose_log_odds(&self, evidence: &PoseEvidence) -> f64 {
         let overlap = (evidence.overlap + 0.01).ln();
@@ -230,9 +230,9 @@ impl VerdictModel {
         }
     }
 
-    /// The probability that an answer is right, in (0, 1).
+    /// Returns the probability that the best pose is correct, in (0, 1).
     ///
-    /// Every pair, unrelated ones too, has a pose that ranks first; then few other hypotheses
+    /// Every pair, even an unrelated one, has a pose that ranks first; then few other hypotheses
     /// converge to it and it is poorly constrained.
     pub(crate) fn probability(&self, confidence: &Confidence) -> f64 {
         let hypotheses = (confidence.supporting_hypotheses as f64).ln_1p();

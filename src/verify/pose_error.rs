@@ -1,19 +1,19 @@
-//! Errors of a pose whose truth is known.
+//! Errors of a pose against a known truth.
 
 use serde::Serialize;
 
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 
-/// How far a pose is from the true one.
+/// Error of a pose against the true pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PoseError {
     /// Angle between the two rotations, degrees in [0, 180].
     pub rotation_deg: f64,
     /// `‖I − R R_gtᵀ‖_F` in [0, 2√2]: the paper's accuracy (section IV-D).
     pub rotation_frobenius: f64,
-    /// Distance between where the two poses put the centre (the source's centroid), in
-    /// the target's unit. Unlike the difference of the translation vectors it does not
+    /// Distance between the positions of the centre (the source's centroid) under the two poses, in
+    /// the target's unit. Unlike the difference of the translation vectors, this distance does not
     /// grow with the distance of the coordinates from zero.
     pub translation: f64,
 }

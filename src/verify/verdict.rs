@@ -1,4 +1,4 @@
-//! Whether to take an answer.
+//! The verdict on a pose: accept, ambiguous, uncertain or reject.
 
 use std::fmt;
 
@@ -13,19 +13,19 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decision {
-    /// Take it.
+    /// The pose is correct with high probability.
     Accept,
-    /// It, or another one that is about as good: see [`Verdict::runner_up`], and the
-    /// [`undetermined`](PoseCovariance::unobservable) motions, along which all are.
+    /// The pose has an alternative that may be correct instead: see [`Verdict::runner_up`]; or it
+    /// has [`unobservable`](PoseCovariance::unobservable) motions, along which all poses fit.
     Ambiguous,
-    /// Neither probable enough to accept it nor improbable.
+    /// The pose is neither probable enough to accept nor improbable.
     Uncertain,
-    /// It is probably wrong; the clouds may show nothing in common.
+    /// The pose is probably wrong; the clouds may not overlap.
     Reject,
 }
 
 impl Decision {
-    /// All of them.
+    /// All decisions.
     pub const ALL: [Decision; 4] =
         [Decision::Accept, Decision::Ambiguous, Decision::Uncertain, Decision::Reject];
 }
@@ -33,7 +33,7 @@ impl Decision {
 impl std::str::FromStr for Decision {
     type Err = Error;
 
-    /// By its word, as [`Display`](fmt::Display) writes it.
+    /// Parses the word that [`Display`](fmt::Display) writes.
     fn from_str(word: &str) -> Result<Decision> {
         let found = Decision::ALL.into_iter().find(|decision| decision.to_string() == word);
         let rule = "must be accept, ambiguous, uncertain or reject";
@@ -41,11 +41,12 @@ impl std::str::FromStr for Decision {
     }
 }
 
-/// Whether a pose may be used: nothing speaks against it (`trusted`), a verdict on it, if there
-/// is one, is [`Decision::Accept`], its numbers are finite, and it is a proper rotation, a positive
-/// scale and a shift.
+/// Returns whether a pose may be used: it has no warnings (`trusted`), its verdict, if any, is
+/// [`Decision::Accept`], its numbers are finite, and it is a proper rotation, a positive scale and
+/// a translation.
 ///
-/// Every part of the crate that takes a pose on asks this: graphs, summaries, reports, exit status.
+/// Every part of the crate that uses poses calls this function: graphs, summaries, reports, exit
+/// status.
 ///
 /// ```
 /// use cfreg::{Transform, verify::{Decision, is_usable}};
@@ -74,44 +75,47 @@ impl fmt::Display for Decision {
 pub struct RunnerUp {
     /// Source into target frame.
     pub transform: Transform,
-    /// The probability that it is the right one.
+    /// The probability that the alternative is correct.
     pub probability: f64,
 }
 
 /// Whether to take an answer, and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// What to do.
+    /// The decision.
     pub decision: Decision,
-    /// The probability that the pose is right, in [0, 1]; with that of the runner-up at most 1.
+    /// The probability that the pose is correct, in [0, 1]; with that of the runner-up at most 1.
     pub probability: f64,
-    /// What speaks for and against it, in words.
+    /// Reasons for and against the pose, in words.
     pub reasons: Vec<String>,
-    /// Share of a surface that lies on the other and faces alike, the larger of both, in [0, 1].
+    /// Share of a surface that overlaps the other and faces the same way, the larger of both
+    /// directions, in [0, 1].
     pub overlap: f64,
-    /// The best pose that is another, if there is one.
+    /// The best alternative pose, if there is one.
     pub runner_up: Option<RunnerUp>,
-    /// How far the pose may be off if it is the right one, and along which motions nothing
-    /// holds it; `None` where too few points lie on each other to tell. A refinement that takes
-    /// the verdict over has that of the pose before.
+    /// Covariance of the pose if it is correct, with its unobservable motions; `None` if too few
+    /// points overlap for an estimate. A refinement that keeps the verdict has the covariance of
+    /// the pose before the refinement.
     pub covariance: Option<PoseCovariance>,
-    /// The scale of the source, if that is another than it has, at which clearly more of it would
-    /// lie on the target: a rigid pose of both as they are is then ambiguous.
+    /// A scale of the source, other than its own, at which clearly more of the source would overlap
+    /// the target: a rigid pose of the unscaled clouds is then ambiguous.
     pub other_scale: Option<f64>,
     /// Version of the [`VerdictModel`] that gave the probabilities and the decision.
     #[serde(default)]
     pub model: String,
-    /// Its thresholds.
+    /// Thresholds of the model.
     #[serde(skip)]
     pub(crate) thresholds: Thresholds,
 }
 
 impl Verdict {
-    /// Decides by the thresholds of `model`. `probability` and that of the runner-up are each as if
-    /// it were the only pose; at most one of them is right, so the verdict tells their shares.
+    /// Decides by the thresholds of `model`. `probability` and that of the runner-up each assume
+    /// that no other pose exists; at most one of the two poses is correct, so the verdict has
+    /// exclusive probabilities.
     ///
-    /// A pose below the threshold `reject`, alone or beside an alternative, is rejected; one below
-    /// `accept` is uncertain; one with an alternative, or with an unobservable motion, is ambiguous.
+    /// A pose below the threshold `reject`, alone or with an alternative, is rejected; a pose below
+    /// `accept` is uncertain; a pose with an alternative, or with an unobservable motion, is
+    /// ambiguous.
     pub fn new(
         model: &VerdictModel,
         probability: f64,
@@ -124,7 +128,7 @@ impl Verdict {
         let alone = runner_up.map_or(0.0, |other| other.probability);
         let [shared, other] = exclusive_probabilities(probability, alone);
         let has_rival = alone >= accept && other >= ambiguous_odds * shared;
-        // Right where the alternative is wrong: as good as never.
+        // The pose is correct only if the alternative is wrong, which is very improbable.
         let is_beaten = alone >= accept && shared < ambiguous_odds * other;
         let slides = covariance.as_ref().is_some_and(|known| !known.unobservable.is_empty());
         let decision = if probability.is_nan() || probability < reject || is_beaten {
@@ -152,7 +156,8 @@ impl Verdict {
         }
     }
 
-    /// The same of a pose that wrong rotations fit as well as: their fitness is `chance`.
+    /// Changes an accepted pose to ambiguous because wrong rotations fit as well: their fitness is
+    /// `chance`.
     pub(crate) fn with_high_chance_fitness(mut self, chance: f64) -> Verdict {
         if self.decision == Decision::Accept {
             self.decision = Decision::Ambiguous;
@@ -164,8 +169,8 @@ impl Verdict {
         self
     }
 
-    /// The same of clouds of which the source scaled by `scale` would lie on the target with this
-    /// `overlap`.
+    /// Changes an accepted pose to ambiguous because the source scaled by `scale` would have this
+    /// `overlap` with the target.
     pub(crate) fn with_scale_mismatch(mut self, scale: f64, overlap: f64) -> Verdict {
         if self.decision == Decision::Accept {
             self.decision = Decision::Ambiguous;
@@ -180,19 +185,19 @@ impl Verdict {
 }
 
 impl fmt::Display for Verdict {
-    /// In a line: the decision, the probability, the reasons.
+    /// Writes one line: the decision, the probability, the reasons.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Verdict { decision, probability, reasons, .. } = self;
         write!(f, "{decision}: right with probability {probability:.3}; {}", reasons.join("; "))
     }
 }
 
-/// Probabilities of two poses of which one at most is right: that of each and not the other, given
-/// that not both are.
+/// Returns the probabilities of two poses of which at most one is correct: each pose and not the
+/// other, given that not both are correct.
 fn exclusive_probabilities(first: f64, second: f64) -> [f64; 2] {
     let alone = [first * (1.0 - second), second * (1.0 - first)];
     let all = alone[0] + alone[1] + (1.0 - first) * (1.0 - second);
-    // Where both were certain, nothing tells which.
+    // Two certain poses are equally probable.
     if all == 0.0 { [0.5; 2] } else { alone.map(|share| share / all) }
 }
 
@@ -212,17 +217,17 @@ mod tests {
         assert_eq!(decided(0.99, None), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.01)), Decision::Accept);
         assert_eq!(decided(0.99, Some(0.95)), Decision::Ambiguous);
-        // Some 500 times less probable.
+        // About 500 times less probable.
         assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
         assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
         assert_eq!(decided(0.63, None), Decision::Uncertain);
         assert_eq!(decided(0.3, None), Decision::Uncertain);
         assert_eq!(decided(0.29, None), Decision::Reject);
         assert_eq!(decided(0.5, Some(0.9999)), Decision::Reject);
-        // Probable by itself, but 500 times less so than another.
+        // Probable by itself, but 500 times less so than the alternative.
         assert_eq!(decided(0.95, Some(0.9999)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
-        // No rival that would be accepted, but both cannot be right.
+        // No alternative that would be accepted, but both cannot be correct.
         assert_eq!(decided(0.75, Some(0.65)), Decision::Ambiguous);
         let equal = told(0.998, Some(0.998));
         let other = equal.runner_up.unwrap().probability;
@@ -250,7 +255,7 @@ mod tests {
         );
         assert_eq!(told(1.0, 0.95), (1.0, 0.0, Decision::Accept));
         assert_eq!(told(0.95, 1.0), (0.0, 1.0, Decision::Reject));
-        // Of both one at most is right, and nothing tells which.
+        // At most one of two certain poses is correct, and both are equally probable.
         assert_eq!(told(1.0, 1.0), (0.5, 0.5, Decision::Ambiguous));
         assert_eq!(told(0.0, 1.0), (0.0, 1.0, Decision::Reject));
     }

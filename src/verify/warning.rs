@@ -1,4 +1,4 @@
-//! Grounds to doubt an answer that could be computed.
+//! Warnings about a computed pose.
 
 use std::fmt;
 
@@ -8,46 +8,46 @@ use super::evaluate::Evaluation;
 use super::model::Thresholds;
 use super::verdict::{Decision, Verdict};
 
-/// Agreement beyond chance below which a pose is doubted.
+/// Chance-corrected fitness below which a pose gets a warning.
 ///
-/// Measured on 60 real pairs of seven kinds, moved at random and registered with and
-/// without dual softmax (`cargo test --release --features cli --test it trust -- --nocapture`): of the poses
-/// off by more than 20°, none of 90 reached 0.3 with clouds of 2,000 points (the most was
-/// 0.18), none of 92 with 1,000 (0.26), and 3 of 104 with 500, where the inlier distance is
-/// coarse. The true poses reach 0.58 in the median, those that one step finds 0.33: doubt
-/// errs on the side of caution.
+/// Measured on 60 real pairs of seven kinds, moved at random and registered with and without dual
+/// softmax (`cargo test --release --features cli --test it trust -- --nocapture`): of the poses off
+/// by more than 20°, none of 90 reached 0.3 with clouds of 2,000 points (the most was 0.18), none
+/// of 92 with 1,000 (0.26), and 3 of 104 with 500, where the inlier distance is coarse. The true
+/// poses reach 0.58 in the median, poses found by one step 0.33: the threshold errs on the side of
+/// caution.
 pub const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.3;
-/// Agreement beyond chance below which a pose is doubted that was found by laying the
-/// clouds on each other, as ICP, CPD and their kin do: a wrong optimum of these agrees
-/// better than a wrong guess, and a right one nearly as well as can be.
+/// Chance-corrected fitness below which a pose gets a warning if the method aligned the clouds
+/// locally, as ICP, CPD and similar methods do: a wrong optimum of these methods fits better than a
+/// wrong global estimate, and a correct optimum fits nearly as well as possible.
 ///
-/// Measured on real pairs of seven kinds, started 3° to 180° off the truth, with the six
-/// methods: of the poses that ended off by more than 20°, none of 1,070 reached 0.6 with
-/// clouds of 500 points (the most was 0.59, by Kernel Correlation), none of 574 with 1,000
-/// (0.52), none of 244 with 2,000 (0.33). Right poses reach 0.7 in the median, and a fifth
-/// of them, of little overlap, stay below. A smaller run of the same is
-/// `cargo test --release --features cli --test it trust::wrong_optima -- --nocapture`.
+/// Measured on real pairs of seven kinds, started 3° to 180° off the truth, with the six methods:
+/// of the poses that ended off by more than 20°, none of 1,070 reached 0.6 with clouds of 500
+/// points (the most was 0.59, by Kernel Correlation), none of 574 with 1,000 (0.52), none of 244
+/// with 2,000 (0.33). Correct poses reach 0.7 in the median, and a fifth of them, with little
+/// overlap, stay below the threshold. A smaller run of this measurement is `cargo test --release
+/// --features cli --test it trust::wrong_optima -- --nocapture`.
 pub const MIN_CHANCE_CORRECTED_FITNESS_LOCAL: f64 = 0.6;
-/// Fitness of wrong rotations above which a pose without a verdict is doubted: agreement beyond
-/// chance tells little where chance is high.
+/// Fitness of wrong rotations above which a pose without a verdict gets a warning: the
+/// chance-corrected fitness is not informative if the chance fitness is high.
 ///
-/// Of 72 real pairs of eight kinds, whole and of 1,000 points, none has more than 0.19 (`chance`
-/// of `cfreg register --json`); two samples of 200 points of `cfreg demo` have 0.45 to 0.66, of
-/// 500 points 0.28 to 0.48, and there wrong poses reach an agreement of 0.6 to 0.9.
+/// Among 72 real pairs of eight kinds, whole and of 1,000 points, none has more than 0.19 (`chance`
+/// of `cfreg register --json`); two samples of 200 points of `cfreg demo` have 0.45 to 0.66, of 500
+/// points 0.28 to 0.48, and there wrong poses reach a chance-corrected fitness of 0.6 to 0.9.
 pub const MAX_CHANCE_FITNESS: f64 = 0.4;
-/// The same above which a verdict that accepts is ambiguous: a ball or a cube lies on itself
-/// however it is turned. Chosen by hand: two samples of 100 points of `cfreg demo`, told apart
-/// by their shape, reach 0.78; a ball laid out on the faces of a cube has 1.
+/// Fitness of wrong rotations above which an accepting verdict becomes ambiguous: a ball or a cube
+/// fits itself under many rotations. Chosen by hand: two samples of 100 points of `cfreg demo`,
+/// distinguished by their shape, reach 0.78; a ball laid out on the faces of a cube has 1.
 pub const MAX_CHANCE_FITNESS_VERIFIED: f64 = 0.9;
-/// Second relative singular value below which a rotation is doubted: about one axis the
-/// weights then hardly tell one angle from another.
+/// Second relative singular value below which a rotation gets a warning: about one axis the weights
+/// then hardly constrain the angle. Chosen by hand.
 pub const MIN_SECOND_SINGULAR_VALUE: f64 = 1e-3;
 
-/// Third relative singular value below which the connected points count as flat.
+/// Third relative singular value below which the connected points count as flat. Chosen by hand.
 pub const MIN_THIRD_SINGULAR_VALUE: f64 = 1e-6;
 
-/// Keypoints of a cloud below which a pose is doubted: among fewer, a handful of wrong
-/// connections turns the answer.
+/// Keypoints of a cloud below which a pose gets a warning: among fewer, a few wrong correspondences
+/// change the pose. Chosen by hand.
 pub const MIN_KEYPOINTS: usize = 10;
 
 /// A ground to doubt an answer.
@@ -55,7 +55,7 @@ pub const MIN_KEYPOINTS: usize = 10;
 #[serde(tag = "ground", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Warning {
-    /// The clouds hardly lie on each other better than under a wrong rotation.
+    /// The fit of the clouds is hardly better than under a wrong rotation.
     #[serde(rename = "low-agreement")]
     LowFitness {
         /// [`Evaluation::chance_corrected_fitness`] of the pose.
@@ -63,8 +63,8 @@ pub enum Warning {
         /// [`MIN_CHANCE_CORRECTED_FITNESS`] or [`MIN_CHANCE_CORRECTED_FITNESS_LOCAL`].
         needed: f64,
     },
-    /// Wrong rotations lay the clouds on each other nearly as well: they are small, round or
-    /// filled, and agreement tells little.
+    /// The clouds fit nearly as well under wrong rotations: they are small, round or filled, and
+    /// the fitness is not informative.
     #[serde(rename = "high-chance")]
     HighChanceFitness {
         /// [`Evaluation::chance_fitness`].
@@ -72,38 +72,39 @@ pub enum Warning {
         /// [`MAX_CHANCE_FITNESS`], or with a verdict [`MAX_CHANCE_FITNESS_VERIFIED`].
         most: f64,
     },
-    /// A verdict was asked for, and the clouds have too few points or too little shape for one.
+    /// A verdict was requested, and the clouds have too few points or too little shape for one.
     NotVerified,
-    /// Beside [`LowFitness`](Self::LowFitness): no viewpoint is known of a cloud, so that its
-    /// normals point to the origin of its frame, wherever that is.
+    /// Added to [`LowFitness`](Self::LowFitness): a cloud has no known viewpoint, so that its
+    /// normals point to the origin of its frame, an arbitrary position.
     NoViewpoint,
-    /// The weights hardly determine the rotation about one axis.
+    /// The weights hardly constrain the rotation about one axis.
     WeakRotation {
         /// Second relative singular value.
         found: f64,
         /// [`MIN_SECOND_SINGULAR_VALUE`].
         needed: f64,
     },
-    /// The connected points lie in a plane, in which one cloud slides and turns on the other:
-    /// their outline alone holds them.
+    /// The connected points are in a plane, along which one cloud slides and rotates on the other:
+    /// only their outline constrains them.
     Flat {
         /// Third relative singular value.
         found: f64,
         /// [`MIN_THIRD_SINGULAR_VALUE`].
         needed: f64,
     },
-    /// The iterations ended at their limit, not at a fixed point.
+    /// The iterations ended at their limit, without convergence.
     NotConverged {
-        /// How many there were.
+        /// Number of iterations.
         iterations: u32,
     },
-    /// The surfaces hardly hold the pose in one direction: planes, spheres and the like
-    /// slide along themselves.
+    /// The surfaces hardly constrain the pose in one direction: planes, spheres and similar
+    /// surfaces slide along themselves.
     #[serde(rename = "slides")]
     Degenerate {
-        /// Least hold of the paired surfaces relative to their mean.
+        /// Smallest pivot of the paired surfaces' normal equations relative to the mean of their
+        /// diagonal.
         found: f64,
-        /// What the method asks for.
+        /// Smallest pivot that the method requires.
         needed: f64,
     },
     /// A keypoint detector found few points in one of the clouds.
@@ -113,13 +114,13 @@ pub enum Warning {
         /// [`MIN_KEYPOINTS`].
         needed: usize,
     },
-    /// A refinement found nothing to connect at the pose it was to start from.
+    /// A refinement found no correspondences at its initial pose.
     NotRefined,
-    /// So few matches agree with the pose that chance alone may have made them agree.
+    /// So few correspondences are inliers that chance alone may explain them.
     FewInliers {
-        /// Matches that agree with the pose.
+        /// Number of inliers.
         found: usize,
-        /// Matches that chance hardly brings together.
+        /// Number of inliers that chance hardly produces.
         needed: usize,
     },
     /// The pose is probably wrong.
@@ -129,61 +130,61 @@ pub enum Warning {
         /// [`Thresholds::accept`](super::Thresholds::accept).
         needed: f64,
     },
-    /// The pose is neither probable enough to accept it nor improbable.
+    /// The pose is neither probable enough to accept nor improbable.
     Uncertain {
         /// [`Verdict::probability`].
         found: f64,
         /// [`Thresholds::accept`](super::Thresholds::accept).
         needed: f64,
     },
-    /// Another pose is about as good: the clouds are symmetric, or repeat.
+    /// An alternative pose may be correct instead: the clouds are symmetric, or repeat.
     Ambiguous {
-        /// The probability of the other pose.
+        /// The probability of the alternative pose.
         other: f64,
     },
-    /// Nothing holds the pose along some motions: the surfaces that lie on each other slide.
+    /// The pose is unconstrained along some motions: the overlapping surfaces slide on each other.
     #[serde(rename = "undetermined")]
     Unobservable {
-        /// How many, of 6.
+        /// Number of these motions, of 6.
         motions: usize,
     },
-    /// At another scale more of the source would lie on the target.
+    /// At another scale more of the source would overlap the target.
     #[serde(rename = "other-scale")]
     ScaleMismatch {
         /// [`Verdict::other_scale`].
         scale: f64,
     },
-    /// The search for the largest set of consistent matches ended at its limit: there may
-    /// be a larger one.
+    /// The search for the largest set of consistent correspondences ended at its limit: there may
+    /// be a larger set.
     CliqueNotProved {
-        /// Matches in the largest set that was found.
+        /// Correspondences in the largest set that was found.
         found: usize,
     },
 }
 
-/// The fitness that is asked of a pose.
+/// The fitness that a pose must have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitnessRule {
-    /// Least fitness beyond chance ([`Evaluation::chance_corrected_fitness`]).
+    /// Smallest chance-corrected fitness ([`Evaluation::chance_corrected_fitness`]).
     pub min_fitness: f64,
     /// Largest fitness of wrong rotations ([`Evaluation::chance_fitness`]).
     pub max_chance_fitness: f64,
 }
 
 impl FitnessRule {
-    /// Of methods that need no initial pose.
+    /// The rule for methods that need no initial pose.
     pub const GLOBAL: FitnessRule = FitnessRule {
         min_fitness: MIN_CHANCE_CORRECTED_FITNESS,
         max_chance_fitness: MAX_CHANCE_FITNESS,
     };
-    /// Of methods that start from a pose.
+    /// The rule for methods that start from a pose.
     pub const LOCAL: FitnessRule =
         FitnessRule { min_fitness: MIN_CHANCE_CORRECTED_FITNESS_LOCAL, ..FitnessRule::GLOBAL };
-    /// Asks for nothing: of methods that are verified more closely.
+    /// No requirement: for methods with a stricter verification.
     pub const NONE: FitnessRule =
         FitnessRule { min_fitness: f64::NEG_INFINITY, max_chance_fitness: f64::INFINITY };
 
-    /// The warnings about an evaluation.
+    /// Returns the warnings about an evaluation.
     pub fn check(&self, evaluation: &Evaluation) -> Vec<Warning> {
         let mut warnings = Vec::new();
         let (found, most) = (evaluation.chance_fitness, self.max_chance_fitness);
@@ -198,7 +199,7 @@ impl FitnessRule {
     }
 }
 
-/// The warnings about the relative singular values of a solution.
+/// Returns the warnings about the relative singular values of a solution.
 pub fn check_singular_values([_, second, third]: [f64; 3]) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if second.is_nan() || second < MIN_SECOND_SINGULAR_VALUE {
@@ -212,7 +213,7 @@ pub fn check_singular_values([_, second, third]: [f64; 3]) -> Vec<Warning> {
 }
 
 impl Warning {
-    /// The grounds for doubt that a verdict is, unless it accepts.
+    /// Returns the warnings for a verdict; none if it accepts.
     pub fn from_verdict(verdict: &Verdict) -> Vec<Warning> {
         let found = verdict.probability;
         let Thresholds { accept, ambiguous_odds, .. } = verdict.thresholds;

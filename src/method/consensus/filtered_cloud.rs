@@ -1,4 +1,4 @@
-//! The surfaces of a cloud: what of it belongs to the place that was scanned.
+//! The points of a cloud that belong to the scanned scene.
 
 use std::sync::Arc;
 
@@ -10,24 +10,24 @@ use crate::method::cache::{Cache, Cached, HeapSize};
 use crate::method::clean;
 use crate::visibility::MaxRangeReturns;
 
-/// A cloud but for returns at the limit of its sensor's range and what travels with the sensor.
+/// A cloud without returns at the limit of its sensor's range and without the ego-vehicle.
 #[derive(Clone)]
 pub(super) struct FilteredCloud<'a> {
     cloud: &'a PointCloud,
     filtered: Arc<FilteredPoints>,
 }
 
-/// What is left of a cloud.
+/// The remaining points of a cloud.
 struct FilteredPoints {
-    /// `None`: all of it, as it is.
+    /// `None`: all points, unchanged.
     cloud: Option<PointCloud>,
     range_limit: Option<MaxRangeReturns>,
     min_range: f64,
-    /// Of what is made of it.
+    /// Cache of values computed from the remaining points.
     cache: Cache,
 }
 
-/// Keys of what is made of a cloud alone.
+/// Keys of values computed from a cloud alone.
 #[derive(PartialEq)]
 struct FilterKey {
     limited: bool,
@@ -37,10 +37,10 @@ struct FilterKey {
 struct VoxelSizeKey(usize);
 
 impl<'a> FilteredCloud<'a> {
-    /// Leaves out marks of missing returns, unless they are to be kept, and makes one point of
-    /// rows that share a place. Looks, if it is `limited`, for a limit about the sensor's place:
-    /// what the cloud says or, where it says nothing, the origin of its frame, or wherever such
-    /// returns lie about.
+    /// Leaves out marks of missing returns, unless `keep_no_returns` is set, and merges rows that
+    /// share a position. If `limited`, detects returns at the range limit about the viewpoint of
+    /// the cloud; for a cloud without one, about the origin of its frame, else about the centre of
+    /// these returns.
     pub(super) fn new(whole: Cached<'a>, limited: bool, keep_no_returns: bool) -> Result<Self> {
         let key = FilterKey { limited, keep_no_returns };
         let part = whole
@@ -52,28 +52,28 @@ impl<'a> FilteredCloud<'a> {
         self.filtered.cloud.as_ref().unwrap_or(self.cloud)
     }
 
-    /// Where returns at the limit of the sensor's range were, which are left out.
+    /// Returns the detected range limit, whose returns are left out.
     pub(super) fn range_limit(&self) -> Option<&MaxRangeReturns> {
         self.filtered.range_limit.as_ref()
     }
 
-    /// Distance from the sensor below which all is left out; 0 for nothing.
+    /// Returns the distance from the sensor below which all points are left out; 0 for none.
     pub(super) fn min_range(&self) -> f64 {
         self.filtered.min_range
     }
 
-    /// With what was made of it.
+    /// Returns the cloud with its cache.
     pub(super) fn cached(&self) -> Cached<'_> {
         Cached { cloud: self.cloud(), cache: Some(&self.filtered.cache) }
     }
 
-    /// [`filter::voxel_size_for`] of so many points.
+    /// [`filter::voxel_size_for`] of `points` points.
     pub(super) fn voxel_size_for(&self, points: usize) -> Result<f64> {
         let side = || filter::voxel_size_for(self.cloud(), points);
         self.cached().get_or_compute(VoxelSizeKey(points), side).map(|side| *side)
     }
 
-    /// What is at least `nearest` away from the sensor at `place`.
+    /// Returns the points at least `nearest` away from the sensor at `place`.
     pub(super) fn crop_near(&self, place: Vec3, nearest: f64) -> Self {
         let cloud = self.cloud();
         let far = |&i: &usize| math::norm(math::sub(cloud.position(i), place)) >= nearest;
@@ -99,7 +99,7 @@ impl FilteredPoints {
     fn new(all: &PointCloud, limited: bool, keep_no_returns: bool) -> Result<Self> {
         let clean = clean::clean_points(all, keep_no_returns)?;
         let cloud = clean.as_ref().unwrap_or(all);
-        // Marks of missing returns are not at the limit of a range, though they are kept.
+        // Marks of missing returns are not at the limit of a range, even if they are kept.
         let returns = keep_no_returns.then(|| filter::select_returns(cloud)).flatten();
         let returns = returns.as_ref().unwrap_or(cloud);
         let limit = match returns.viewpoint() {

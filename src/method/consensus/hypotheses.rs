@@ -1,10 +1,10 @@
-//! Poses that many matches agree on.
+//! Pose hypotheses with many inliers.
 //!
-//! Two matches are compatible when they are as far apart in the target as in the source. That
-//! holds by chance for many; that two compatible matches are compatible with the *same* others
-//! holds for few wrong ones: the second-order measure of SC²-PCR (Chen et al., CVPR 2022),
-//! counted on rows of bits. Every match in turn, strongest first, weighs the others by it and
-//! is solved in closed form, unless a pose found before explains it.
+//! Two correspondences are compatible if they are as far apart in the target as in the source. Many
+//! wrong pairs are compatible by chance; few wrong pairs are also compatible with the *same*
+//! others: the second-order measure of SC²-PCR (Chen et al., CVPR 2022), counted on rows of bits.
+//! Every correspondence in turn, strongest first, weights the others by this measure and is solved
+//! in closed form, unless a pose found before explains it.
 
 use std::sync::Arc;
 
@@ -17,29 +17,31 @@ use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::surface::Surface;
 
-/// Most different distances of compatible matches, in lengths.
+/// Largest difference of the distances of compatible correspondences, in voxel sizes. Chosen by
+/// hand.
 const MAX_LENGTH_DIFFERENCE: f64 = 1.5;
-/// Distance below which two matches tell nothing by their distance, in lengths.
+/// Distance below which two correspondences are not compared, in voxel sizes. Chosen by hand.
 const MIN_PAIR_LENGTH: f32 = 2.0;
 /// Most correspondences: their graph takes the square of them in bits. Chosen by hand.
 pub(super) const MAX_CORRESPONDENCES: usize = 2500;
 /// Others that a match is solved with first.
 const SEED_NEIGHBORS: usize = 12;
-/// Matches that are solved before those that their poses explain are passed over.
+/// Number of seeds that are solved before those explained by their poses are skipped. Chosen by
+/// hand.
 const SEED_BATCH: usize = 8;
-/// Bounds of the distances within which matches agree with a pose, step by step, in
-/// [`MAX_LENGTH_DIFFERENCE`] lengths.
+/// Inlier distances of the refinement, step by step, in [`MAX_LENGTH_DIFFERENCE`] voxel sizes.
+/// Chosen by hand.
 const INLIER_SCHEDULE: [f64; 4] = [2.0, 1.5, 1.0, 1.0];
 
-/// Matched points, each about its surface's origin.
+/// Corresponding points, each about its surface's origin.
 pub(super) struct Correspondences {
     pub(super) source: Vec<[f32; 3]>,
     pub(super) target: Vec<[f32; 3]>,
-    /// How much each match counts where poses are solved: its points' weights.
+    /// Weight of each correspondence in solves: the weights of its points.
     pub(super) weights: Vec<f64>,
-    /// The points of each, by their number on either surface.
+    /// The points of each correspondence, by their number on either surface.
     pub(super) pairs: Vec<(u32, u32)>,
-    /// The length of both scans.
+    /// The voxel size of both scans.
     pub(super) voxel_size: f64,
 }
 
@@ -111,7 +113,7 @@ impl PointPair {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hypothesis {
     pub(super) pose: Transform,
-    /// Σ 1 − r²/τ² over the matches with a residual r below τ.
+    /// Σ 1 − r²/τ² over the correspondences with a residual r below τ.
     pub(super) inlier_score: f64,
 }
 
@@ -151,7 +153,7 @@ impl Correspondences {
         self.source.len()
     }
 
-    /// Distance within which the ends of a match agree with a pose.
+    /// Returns the largest residual of an inlier.
     pub(super) fn inlier_distance(&self) -> f64 {
         MAX_LENGTH_DIFFERENCE * self.voxel_size
     }
@@ -172,12 +174,12 @@ impl Correspondences {
         math::dot(off, off)
     }
 
-    /// Matches that agree with `pose` ([`Hypothesis::inlier_score`]).
+    /// Returns the inlier score of `pose` ([`Hypothesis::inlier_score`]).
     pub(super) fn inlier_score(&self, pose: &Transform) -> f64 {
         self.inlier_weights(pose).sum()
     }
 
-    /// Of each match 1 − r²/τ², or 0 where its residual r is above τ.
+    /// Returns 1 − r²/τ² of each correspondence, or 0 if its residual r is above τ.
     pub(super) fn inlier_weights(&self, pose: &Transform) -> impl Iterator<Item = f64> {
         let square = self.inlier_distance().powi(2);
         (0..self.len()).map(move |k| (1.0 - self.squared_residual(pose, k) / square).max(0.0))
@@ -198,7 +200,7 @@ impl Correspondences {
         solved.ok().map(|solution| solution.transform)
     }
 
-    /// The pose that the matches within shrinking bounds of it settle on.
+    /// Refines a pose on its inliers, within shrinking distances.
     fn refine(&self, mut pose: Transform, prior: &Prior) -> Transform {
         for bound in INLIER_SCHEDULE {
             let square = (bound * self.inlier_distance()).powi(2);
@@ -214,7 +216,8 @@ impl Correspondences {
         pose
     }
 
-    /// The poses of at most `seeds` matches that `prior` allows, best supported first.
+    /// Returns the poses of at most `seeds` correspondences that `prior` allows, highest inlier
+    /// score first.
     pub(super) fn generate_hypotheses(&self, seeds: usize, prior: &Prior) -> Vec<Hypothesis> {
         let graph = self.compatibility_graph();
         let common = |i: usize, j: usize| -> usize {
@@ -247,7 +250,7 @@ impl Correspondences {
         };
         let (mut tried, mut next) = (0, order.into_iter());
         while tried < seeds {
-            // Some at a time, always as many: threads change no bit.
+            // Seeds in batches of fixed size: the number of threads changes no bit.
             let some = next.by_ref().filter(|&seed| !explained[seed]);
             let some: Vec<usize> = some.take(SEED_BATCH.min(seeds - tried)).collect();
             if some.is_empty() {
@@ -255,7 +258,7 @@ impl Correspondences {
             }
             tried += some.len();
             let solved = par::map(some.len(), || (), |_, k| solve(some[k]));
-            // Two matches agree with some pose always.
+            // Any two correspondences have some pose with both as inliers.
             for hypothesis in solved.into_iter().flatten().filter(|found| found.inlier_score >= 2.0)
             {
                 for (k, explained) in explained.iter_mut().enumerate() {
@@ -265,7 +268,7 @@ impl Correspondences {
             }
         }
         if found.is_empty() {
-            // No two agree: all of them have a pose still, to be judged for what it is.
+            // No two are compatible: their common pose is a candidate all the same, to be verified.
             let all = self.solve((0..self.len()).map(|k| (k, 1.0)), prior);
             found.extend(
                 all.map(|pose| Hypothesis { pose, inlier_score: self.inlier_score(&pose) }),
@@ -282,7 +285,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// `right` matches under `pose`, off by up to a third of the length, among wrong ones.
+    /// Returns `right` correspondences under `pose`, off by up to a third of the voxel size, among
+    /// wrong ones.
     fn matches(right: usize, wrong: usize, pose: &Transform) -> Correspondences {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut place = |size: f64| [(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0));
@@ -304,9 +308,9 @@ mod tests {
         let found = matches(25, 475, &truth).generate_hypotheses(200, &Prior::default());
         let off = truth.after(&found[0].pose.inverse());
         assert!(off.angle().to_degrees() < 0.5, "{}", off.angle().to_degrees());
-        // All that are right agree, and hardly a wrong one with them.
+        // All correct correspondences are inliers, and hardly a wrong one.
         assert!((20.0..29.0).contains(&found[0].inlier_score), "{}", found[0].inlier_score);
-        // Other seeds may lead to the same pose; other poses have hardly a match.
+        // Other seeds may lead to the same pose; other poses have hardly an inlier.
         let same = |other: &Hypothesis| other.pose.after(&truth.inverse()).angle() < 0.02;
         assert!(found.iter().all(|other| other.inlier_score < 12.0 || same(other)));
     }

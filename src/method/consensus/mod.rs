@@ -1,4 +1,4 @@
-//! Consensus: matches of the full connection that agree with each other, judged on the surfaces.
+//! Consensus: consistent correspondences of the full connection, verified on the surfaces.
 
 mod filtered_cloud;
 mod hypotheses;
@@ -29,28 +29,28 @@ use crate::pose::{Prior, ScaleEstimate};
 use crate::surface::{INLIER_DISTANCE, RefineOptions, Refined, Surface, refine, to_cloud_frames};
 use crate::verify::{PoseEvidence, VerdictModel};
 
-/// Global registration of scans that overlap in part: the method for clouds of which nothing is
-/// known.
+/// Global registration of scans that overlap in part: the method for clouds without prior
+/// knowledge.
 ///
-/// The full connection of both clouds is made sparse (pairs that are each other's most alike by
-/// FPFH); each match weighs the others by how many matches both are compatible with, and is
-/// solved in closed form ([SC²-PCR], Chen et al., CVPR 2022); the poses are judged on the
-/// surfaces themselves: how much of them lies on each other, how alike it looks there, what
-/// stands where a sensor looked through. The best are settled point to plane and judged again.
-/// The [`Verdict`](crate::verify::Verdict) tells how probable the answer is and what else it
-/// might be.
+/// The full connection of both clouds is made sparse (mutual nearest neighbours by FPFH); each
+/// correspondence weights the others by the number of correspondences that are compatible with
+/// both, and is solved in closed form ([SC²-PCR], Chen et al., CVPR 2022); the poses are scored on
+/// the surfaces themselves: their overlap, the similarity of the overlapping surfaces, and points
+/// in free space. The best poses are refined point to plane and scored again. The
+/// [`Verdict`](crate::verify::Verdict) gives the probability of the best pose and the best
+/// alternative.
 ///
-/// All lengths follow from one, [`voxel`](Self::voxel), and that from the clouds: the unit does
-/// not matter, nor where the clouds stand. Where the place of a sensor is known
-/// ([`PointCloud::viewpoint`]) it serves twice, to orient normals and to tell what was empty;
-/// where it is not, it is guessed. Returns at the limit of a sensor's range are no surface and
-/// left out ([`MaxRangeReturns`](crate::visibility::MaxRangeReturns)). Where a pose lays one sensor on the
-/// other, what is near to them is left out as well: a vehicle, or whoever carries the sensor, is
-/// seen alike from wherever it goes.
+/// All distances follow from the voxel size, [`voxel`](Self::voxel), and that from the clouds: the
+/// result does not depend on the unit or on the initial position of the clouds. A known viewpoint
+/// ([`PointCloud::viewpoint`]) is used twice, to orient normals and to find free space; an unknown
+/// viewpoint is estimated. Returns at the limit of a sensor's range are not a surface and are left
+/// out ([`MaxRangeReturns`](crate::visibility::MaxRangeReturns)). If a pose aligns the two sensor
+/// positions, points near the sensors are left out as well: the ego-vehicle, or the person who
+/// moves the sensor, looks the same from everywhere.
 ///
-/// Weights of points ([`PointCloud::with_weights`]) count where poses are solved: a match, and a
-/// pair of surface points, is multiplied by those of its two points, each the mean of its cube.
-/// Surfaces, and the verdict, are those of all points.
+/// Weights of points ([`PointCloud::with_weights`]) count in solves: the weight of a
+/// correspondence, or of a surface pair, is multiplied by those of its two points, each the mean of
+/// its cube. Surfaces and the verdict use all points.
 ///
 /// ```
 /// use cfreg::method::{Consensus, Register};
@@ -67,24 +67,26 @@ use crate::verify::{PoseEvidence, VerdictModel};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Consensus {
-    /// The length that all others follow from, in the unit of the coordinates, above 0: clouds
-    /// are thinned to one point per cube of this side. Default [`filter::voxel_size_for`](crate::filter::voxel_size_for) of 5000
-    /// points, of the cloud where it is longer.
+    /// The voxel size, from which all other distances follow, in the unit of the coordinates, above
+    /// 0: clouds are downsampled to one point per cube of this side. Default
+    /// [`filter::voxel_size_for`](crate::filter::voxel_size_for) of 5000 points, the larger of both
+    /// clouds.
     pub voxel: Option<f64>,
-    /// Matches from which a pose is sought, at least 1; default 200. More find smaller
-    /// overlaps, at a cost that grows with them.
+    /// Number of correspondences from which a pose is searched, at least 1; default 200. More seeds
+    /// find smaller overlaps, at proportional cost.
     pub seeds: usize,
-    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing.
-    /// Poses of matches are exactly the best allowed; on the surfaces the nearest allowed pose
-    /// is taken after each step.
+    /// Constraints on the pose ([`Prior`]), except on its scale; default none. Poses of
+    /// correspondences are exactly the best allowed; on the surfaces each step is projected to the
+    /// nearest allowed pose.
     pub prior: Prior,
-    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, as
-    /// [`FeatureConfig::concatenate_channels`](super::FeatureConfig::concatenate_channels) says; default none. They find matches and
-    /// count where surfaces look alike; the pose is settled on the shape alone.
+    /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, see
+    /// [`FeatureConfig::concatenate_channels`](super::FeatureConfig::concatenate_channels); default
+    /// none. Channels are used for correspondences and for the similarity of surfaces; the pose is
+    /// refined on the shape alone.
     pub channels: Vec<Channel>,
-    /// Whether returns at the limit of a sensor's range are looked for and left out; default
-    /// true. False where a round wall or a sky that was modelled is taken for such: the reasons
-    /// of the verdict say how many points are left out.
+    /// Whether returns at the limit of a sensor's range are detected and left out; default true.
+    /// Set false if a round wall or a modelled sky is detected as a range limit: the reasons of the
+    /// verdict give the number of points left out.
     pub range_limit: bool,
     /// Whether rows that mark measurements without a return ([`filter::find_no_returns`]) are kept;
     /// default false: they are left out, and counted in [`Registration::points`].
@@ -113,26 +115,27 @@ impl Default for Consensus {
     }
 }
 
-/// Points that a cloud is thinned to.
+/// Number of points that a cloud is downsampled to. Chosen by hand.
 pub(super) const DOWNSAMPLED_POINTS: usize = 5000;
-/// How they are settled, and by as many points they are judged then.
+/// Refinement of hypotheses, which are scored by as many points afterwards. Chosen by hand.
 const COARSE_REFINEMENT: RefineOptions =
     RefineOptions { max_points: 1000, max_iterations: 12, tolerance: 0.01 };
-/// How the answer is settled: to where its own errors are larger than those of the last step.
+/// Refinement of the best pose: until its own errors are larger than the last step. Chosen by hand.
 const FINE_REFINEMENT: RefineOptions =
     RefineOptions { max_points: usize::MAX, max_iterations: 100, tolerance: 1e-4 };
-/// Poses that move points apart by less than this, in lengths, are one.
+/// Poses with a mean displacement below this, in voxel sizes, are duplicates. Chosen by hand.
 const DUPLICATE_POSE: f64 = 3.0;
-/// And from this on a runner-up is another answer.
+/// Mean displacement from which on a runner-up is a different pose, in voxel sizes. Chosen by hand.
 const DISTINCT_POSE: f64 = 8.0;
-/// A pose that is judged is as good as the one that it settles on, if that is nearer than this.
+/// A verified pose is scored as its refined pose if both are nearer than this, in voxel sizes.
+/// Chosen by hand.
 const MAX_REFINE_SHIFT: f64 = 1.0;
-/// Times as far from the middle as half the points are, from which on a point is a stray.
+/// Distance from the centre, in medians, above which a point is an outlier. Chosen by hand.
 const OUTLIER_FACTOR: f64 = 30.0;
 
-/// All that was tried on two clouds, and what came out best.
+/// All trials on two clouds, and the best result.
 pub(super) struct ConsensusSearch<'a> {
-    /// With its length in force.
+    /// With the resolved voxel size.
     config: Consensus,
     voxel_size: f64,
     scans: [Scan<'a>; 2],
@@ -141,7 +144,7 @@ pub(super) struct ConsensusSearch<'a> {
     /// From where they were seen, where that is known.
     known_viewpoints: [Option<ViewpointHypothesis>; 2],
     trials: Vec<ViewpointTrial>,
-    /// Which of them has the answer.
+    /// Number of the trial with the best pose.
     best_trial: usize,
     refined: Refined,
     evidence: PoseEvidence,
@@ -164,7 +167,7 @@ impl Consensus {
         self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
-    /// The same with another model for the verdict.
+    /// Replaces the model for the verdict.
     pub fn model(self, model: VerdictModel) -> Self {
         Consensus { model: Some(model.into()), ..self }
     }
@@ -179,7 +182,7 @@ impl Consensus {
         self.model.as_deref().unwrap_or(VerdictModel::built_in())
     }
 
-    /// The length that all others follow from.
+    /// Returns the voxel size, from which all other distances follow.
     fn choose_voxel_size(&self, ends: [&FilteredCloud<'_>; 2]) -> Result<f64> {
         if let Some(voxel) = self.voxel {
             return Ok(voxel);
@@ -188,7 +191,7 @@ impl Consensus {
             par::join_pair(ends, |whole| whole.voxel_size_for(DOWNSAMPLED_POINTS))?;
         let side = source.max(target);
         if side <= 0.0 {
-            // All points in one place.
+            // All points at one position.
             return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
         }
         Ok(side)
@@ -204,7 +207,7 @@ impl Consensus {
         self.search(source, target, given, &mut times)?.to_registration(times)
     }
 
-    /// The search whose best pose is the answer.
+    /// Runs the search for the best pose.
     pub(super) fn search<'a>(
         &self,
         source: Cached<'a>,
@@ -217,7 +220,7 @@ impl Consensus {
         Ok(search.remove_ego_vehicle(&pose, times))
     }
 
-    /// The search among all that belongs to the place, and what travels with the sensors.
+    /// Runs the search on all points of the scenes, with the ego-vehicles.
     fn filter_and_search<'a>(
         &self,
         source: Cached<'a>,
@@ -256,7 +259,7 @@ impl Consensus {
         let odds = |attempt: &ViewpointTrial| {
             attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.log_odds)
         };
-        // The first of those that are equally good.
+        // The first of equally good trials.
         let ranked = attempts.iter().enumerate().rev();
         let best = ranked.max_by(|(_, a), (_, b)| odds(a).total_cmp(&odds(b)));
         let Some((best, at, first)) =
@@ -284,20 +287,21 @@ impl Consensus {
 }
 
 impl ConsensusSearch<'_> {
-    /// The points that were searched, without those that were left out.
+    /// Returns the points that were searched, without those left out.
     pub(super) fn clouds(&self) -> [Cached<'_>; 2] {
         self.scans.each_ref().map(|scan| scan.filtered_cloud().cached())
     }
 
-    /// The pose that came out best, between the clouds' own frames.
+    /// Returns the best pose, between the clouds' own frames.
     fn best_pose(&self) -> Transform {
         let [from, onto] = &self.trials[self.best_trial].surfaces;
         to_cloud_frames(&self.refined.pose, from, onto)
     }
 
-    /// The search once more without what may travel with the sensors, where `pose`, between the
-    /// clouds' own frames, lays one on the other: their carriers do by it, wherever they went.
-    /// The origin of a frame, which may be that of a shape, is no sensor here.
+    /// Repeats the search without the ego-vehicles if `pose`, between the clouds' own frames,
+    /// aligns the two sensor positions: such a pose also aligns the ego-vehicles, wherever they
+    /// moved. The origin of a frame, which may be that of a shape, is not used as a sensor position
+    /// here.
     fn remove_ego_vehicle(self, pose: &Transform, times: &mut Timings) -> Self {
         let known = |view: Option<ViewpointHypothesis>| match view {
             Some(ViewpointHypothesis::Known(at, by)) if by != OrientedBy::FrameOrigin => Some(at),
@@ -314,8 +318,8 @@ impl ConsensusSearch<'_> {
     }
 }
 
-/// Eight points spread over the surface, in the order of its points; less those that are as far
-/// away from the others as a stray return, which would tell poses apart by itself.
+/// Returns eight points spread over the surface, in the order of its points, except those as far
+/// away from the others as a stray return, which would alone decide whether poses differ.
 fn probe_points(surface: &Surface) -> Vec<Vec3> {
     let all: Vec<Vec3> = (0..8).map(|k| surface.point(k * (surface.len() - 1) / 7)).collect();
     let middle = |mut values: Vec<f64>| {
@@ -328,7 +332,7 @@ fn probe_points(surface: &Surface) -> Vec<Vec3> {
     all.into_iter().filter(|place| off(place) <= most).collect()
 }
 
-/// Mean distance between where two poses put `places`.
+/// Returns the mean distance between the positions of `places` under two poses.
 fn mean_displacement(a: &Transform, b: &Transform, places: &[Vec3]) -> f64 {
     let off = |&place: &Vec3| math::norm(math::sub(a.apply(place), b.apply(place)));
     places.iter().map(off).sum::<f64>() / places.len() as f64

@@ -1,4 +1,4 @@
-//! What came out best, with the verdict on it.
+//! The best pose, with its verdict.
 
 use super::ConsensusSearch;
 use super::scan::Scan;
@@ -10,7 +10,7 @@ use crate::surface::{Surface, to_cloud_frames};
 use crate::verify::FitnessRule;
 
 impl ConsensusSearch<'_> {
-    /// The registration by the best pose, with its verdict; seconds are added to `times`.
+    /// Returns the registration by the best pose, with its verdict; seconds are added to `times`.
     pub(in crate::method) fn to_registration(&self, mut times: Timings) -> Result<Registration> {
         let best = &self.trials[self.best_trial];
         let (settled, [from, onto]) = (self.refined, &best.surfaces);

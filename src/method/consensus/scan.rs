@@ -1,5 +1,5 @@
-//! A cloud as this method sees it: thinned, with normals, described once it is known from
-//! where it was seen.
+//! A cloud as this method uses it: downsampled, with normals; descriptors follow once the viewpoint
+//! is chosen.
 
 use std::sync::{Arc, OnceLock};
 
@@ -19,19 +19,21 @@ use crate::search::{Neighborhood, Neighbors};
 use crate::surface::{SEARCH_RADIUS, Surface, SurfaceIndex};
 use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 
-/// Nearest points that make a normal.
+/// Number of nearest points for a normal. Chosen by hand.
 const NORMAL_NEIGHBORS: usize = 20;
-/// Nearest points that make a descriptor.
+/// Number of nearest points for a descriptor. Chosen by hand.
 const DESCRIPTOR_NEIGHBORS: usize = 100;
-/// What may speak against the origin of a frame ([`OrientedSample::visibility_cost`]) that is tried as the
-/// sensor's place: 28 depth frames have 0.07 to 0.19 there; of places at random around them 15 %
-/// have less. Those cost the time of a try: a pose is taken at once only where it is sure.
+/// Largest visibility cost ([`OrientedSample::visibility_cost`]) of the origin of a frame that is
+/// tried as the viewpoint: 28 depth frames have 0.07 to 0.19 there; of random positions around them
+/// 15 % have less. These cost the time of a trial: a pose ends the search only with high
+/// confidence.
 const MAX_ORIGIN_COST: f64 = 0.2;
 
-/// What is nearer to a sensor than this share of the median may travel with it.
+/// Points nearer to a sensor than this share of the median distance may be the ego-vehicle. Chosen
+/// by hand.
 const EGO_RANGE_FACTOR: f64 = 0.5;
 
-/// Keys of what is made of a cloud alone, and at a length.
+/// Keys of values computed from a cloud alone, and at a voxel size.
 #[derive(PartialEq)]
 struct DownsampledKey(f64, Vec<Channel>);
 #[derive(PartialEq)]
@@ -39,42 +41,43 @@ struct EstimatedViewpointsKey;
 #[derive(PartialEq)]
 struct DepthImageKey(Vec3);
 
-/// A cloud, and what it is thinned to one length.
+/// A cloud, and its downsampled points.
 pub(super) struct Scan<'a> {
     filtered: FilteredCloud<'a>,
     downsampled: Arc<DownsampledScan>,
 }
 
-/// A cloud thinned to one length.
+/// A cloud downsampled to one voxel size.
 struct DownsampledScan {
     cloud: PointCloud,
-    /// Of the thinned points: the mean of the whole cloud's in their cube, where it has any.
+    /// Weights of the downsampled points: the mean of the whole cloud's in their cube, if it has
+    /// weights.
     weights: Option<Vec<f32>>,
     /// Values by which points are compared too, channel by channel.
     channels: Vec<Vec<f32>>,
     neighbors: Neighbors,
-    /// Of either sign.
+    /// Normals of either sign.
     normals: Vec<[f32; 3]>,
     voxel_size: f64,
     viewpoint_sample: OnceLock<ViewpointSample>,
-    /// Of surfaces, by the place that they are seen from.
+    /// Cache of surfaces, by their viewpoint.
     cache: Cache,
 }
 
-/// From where a scan is taken to be seen.
+/// The assumed viewpoint of a scan.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ViewpointHypothesis {
-    /// The sensor's place, as the cloud says: what lies between it and the surfaces was empty.
+    /// The sensor's position in the cloud: space between it and the surfaces was empty.
     Known(Vec3, OrientedBy),
-    /// A place that orients the normals alone, in the thinned cloud's local frame.
+    /// A position that only orients the normals, in the downsampled cloud's local frame.
     Estimated(Vec3),
-    /// From all around.
+    /// Seen from all sides.
     Outward,
 }
 
 impl<'a> Scan<'a> {
-    /// Thins `whole` to about one point per cube of side `length`, to be compared by `channels`
-    /// too; `name` is what errors call it.
+    /// Downsamples `whole` to about one point per cube of side `length`, to be compared also by
+    /// `channels`; `name` is its name in errors.
     pub(super) fn new(
         whole: FilteredCloud<'a>,
         length: f64,
@@ -95,8 +98,8 @@ impl<'a> Scan<'a> {
         DESCRIPTOR_NEIGHBORS.min(self.downsampled.cloud.len())
     }
 
-    /// The sensor's place: what the cloud says, what returns at its limit lie about or, where
-    /// that is plausible, the origin of its frame.
+    /// Returns the sensor's position: the viewpoint of the cloud, else the centre of the returns at
+    /// the range limit, else the origin of its frame, if plausible.
     pub(super) fn known_viewpoint(&self) -> Result<Option<ViewpointHypothesis>> {
         let whole = self.filtered.cloud();
         if let Some(at) = whole.viewpoint() {
@@ -112,7 +115,7 @@ impl<'a> Scan<'a> {
             .then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
     }
 
-    /// The places from which it may have been seen, by its shape alone.
+    /// Estimates the viewpoints by the shape alone.
     pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
         let guesses = self.downsampled.cache.get_or_compute(EstimatedViewpointsKey, || {
             let glance = self.downsampled.viewpoint_sample()?;
@@ -125,14 +128,14 @@ impl<'a> Scan<'a> {
         Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
     }
 
-    /// The scan seen from `view`, described.
+    /// Returns the scan seen from `view`, with descriptors.
     pub(super) fn surface(&self, view: ViewpointHypothesis) -> Result<Arc<Surface>> {
         let seen = self.depth_image(view)?;
         self.downsampled.cache.get_or_compute(view, || self.downsampled.compute_surface(view, seen))
     }
 
-    /// What the sensor saw from the place that `view` gives it or, where that gives none, from
-    /// the one that returns at its limit lie about: what a file says may be wrong.
+    /// Returns the sensor's depth image from the position in `view`; if `view` has none, from the
+    /// centre of the returns at the range limit: the viewpoint in a file may be wrong.
     fn depth_image(&self, view: ViewpointHypothesis) -> Result<Option<Arc<DepthImage>>> {
         let at = match (view, self.filtered.range_limit()) {
             (ViewpointHypothesis::Known(at, _), _) => at,
@@ -153,8 +156,8 @@ impl<'a> Scan<'a> {
         self.downsampled.cache.get_or_compute(DepthImageKey(at), image).map(|seen| seen.0.clone())
     }
 
-    /// The scan's cloud without what may travel with its sensor at `place`: what is nearer than
-    /// a share of the median of its surfaces.
+    /// Returns the scan's cloud without the possible ego-vehicle of its sensor at `place`: without
+    /// points nearer than a share of the median distance of its surfaces.
     pub(super) fn remove_ego_vehicle(&self, place: Vec3) -> FilteredCloud<'a> {
         let distance = |p: Vec3| math::norm(math::sub(p, place));
         let mut distances: Vec<f64> = self.downsampled.cloud.positions().map(distance).collect();
@@ -163,7 +166,7 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// What a sensor saw, if that tells something.
+/// A depth image; `None` if it is not informative.
 struct CachedDepthImage(Option<Arc<DepthImage>>);
 
 impl HeapSize for CachedDepthImage {
@@ -172,7 +175,7 @@ impl HeapSize for CachedDepthImage {
     }
 }
 
-/// What was guessed of the viewpoint.
+/// The estimated viewpoints.
 struct CachedViewpoints(ViewpointEstimates);
 
 impl HeapSize for CachedViewpoints {
@@ -184,7 +187,7 @@ impl HeapSize for CachedViewpoints {
 impl HeapSize for DownsampledScan {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
-        // Places of neighbours, and of their rows.
+        // Positions of neighbours, and of their rows.
         let near = self.neighbors.len() * 4 * (DESCRIPTOR_NEIGHBORS + 4);
         let own = self.cloud.bytes() + self.cloud.len() * 4 * (3 + single) + near;
         own + self.viewpoint_sample.get().map_or(0, ViewpointSample::bytes) + self.cache.bytes()
@@ -196,7 +199,7 @@ impl DownsampledScan {
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
-                // Weights tell how much a place counts, not where the surface is.
+                // Weights say how much a position counts, not where the surface is.
                 let mean = |cube: &Vec<usize>| {
                     let sum: f64 = cube.iter().map(|&i| f64::from(own[i])).sum();
                     (sum / cube.len() as f64) as f32
@@ -229,7 +232,7 @@ impl DownsampledScan {
         })
     }
 
-    /// Some of the points, found when they are first asked for.
+    /// Returns a sample of the points, computed on first use.
     fn viewpoint_sample(&self) -> Result<&ViewpointSample> {
         if let Some(glance) = self.viewpoint_sample.get() {
             return Ok(glance);
@@ -238,7 +241,7 @@ impl DownsampledScan {
         Ok(self.viewpoint_sample.get_or_init(|| found))
     }
 
-    /// Seen from `view`, described; the sensor has `seen` that.
+    /// Computes the surface seen from `view`, with descriptors; `seen` is the sensor's depth image.
     fn compute_surface(
         &self,
         view: ViewpointHypothesis,
@@ -277,13 +280,13 @@ impl DownsampledScan {
 impl HeapSize for Surface {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
-        // The depth image counts by itself.
+        // The depth image is counted separately.
         let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
         own + self.index.bytes(self.len())
     }
 }
 
-/// Puts the values of `channels` beside the descriptors of both.
+/// Appends the values of `channels` to the descriptors of both sides.
 pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
     if channels.is_empty() {
         return Ok(());
@@ -294,7 +297,7 @@ pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel
     });
     let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
     for (side, descriptors) in sides.iter_mut().zip(joined) {
-        // The scale of a channel follows from both sides: the cached surface stays as it is.
+        // The scale of a channel depends on both sides: the cached surface is unchanged.
         *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
     }
     Ok(())
@@ -311,7 +314,7 @@ mod tests {
             [x, y, 4.0 * (0.2 * x).sin() + 3.0 * (0.15 * y).cos()]
         };
         let cloud = PointCloud::new(&(0..3600).map(at).collect::<Vec<_>>()).unwrap();
-        // As heavy as they lie far to the right: at 29.5 in the mean.
+        // Weights equal to x: 29.5 in the mean.
         let weights = cloud.positions().map(|p| p[0]).collect();
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud: &PointCloud| {

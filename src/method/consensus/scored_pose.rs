@@ -1,4 +1,4 @@
-//! Every pose that was weighed before the answer, with its evidence: what the verdict is fitted on.
+//! Every scored pose of a search, with its evidence: the data for the fit of the verdict model.
 
 use super::Consensus;
 use crate::cloud::{PointCloud, Transform};
@@ -8,25 +8,26 @@ use crate::par;
 use crate::surface::to_cloud_frames;
 use crate::verify::{Confidence, PoseEvidence};
 
-/// A pose that [`Consensus`] judged, and what it had for and against it.
+/// A pose that [`Consensus`] scored, and its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoredPose {
     /// Source into target frame.
     pub transform: Transform,
-    /// Share of a surface that lies on the other and faces alike, in [0, 1].
+    /// Share of a surface that overlaps the other and faces the same way, in [0, 1].
     pub overlap: f64,
-    /// How much more alike than chance the surfaces look there, nats a point.
+    /// How much more similar than by chance the overlapping surfaces are, nats a point.
     pub descriptor_distinctiveness: f64,
-    /// Matches that agree, at least 0.
+    /// Sum of the inlier weights of the correspondences, at least 0.
     pub inlier_score: f64,
-    /// Share of the points, summed over both directions, that stand where the other's sensor
-    /// looked through, in [0, 2]; `None` where no sensor's place is known.
+    /// Share of the points, summed over both directions, that are in space that the other sensor
+    /// saw to be empty, in [0, 2]; `None` if no viewpoint is known.
     pub free_space_violation: Option<f64>,
-    /// Settled poses that are this one; for the answer alone.
+    /// Refined hypotheses that converged to this pose; for the best pose alone.
     pub supporting_hypotheses: Option<usize>,
-    /// Standard deviation of its shift in lengths, within bounds; for the answer alone.
+    /// Standard deviation of its translation in voxel sizes, within bounds; for the best pose
+    /// alone.
     pub translation_std: Option<f64>,
-    /// Whether it is the answer, judged after its last settling.
+    /// Whether it is the best pose, scored after its last refinement.
     pub is_best: bool,
 }
 
@@ -61,8 +62,8 @@ impl ScoredPose {
 }
 
 impl Consensus {
-    /// Every settled pose of every way to see the clouds, way by way and the most probable of
-    /// each first, and last the answer of [`register`](crate::method::Register::register).
+    /// Returns every refined pose of every viewpoint trial, trial by trial and the most probable of
+    /// each first, and last the best pose, that of [`register`](crate::method::Register::register).
     ///
     /// # Errors
     /// Those of `register`.

@@ -1,4 +1,4 @@
-//! One way to see both clouds, and the poses that come of it.
+//! One pair of viewpoint hypotheses, and the poses found with it.
 
 use std::sync::Arc;
 
@@ -16,19 +16,19 @@ use crate::verify::{PoseEvidence, VerdictModel, squared_descriptor_distance};
 
 /// Mutual matches below which every point of the source is matched with its most alike.
 const MIN_MUTUAL: usize = 16;
-/// Points by which hypotheses are judged at first.
+/// Number of points in the first scoring of hypotheses. Chosen by hand.
 const COARSE_POINTS: usize = 200;
-/// Hypotheses that are settled.
+/// Number of hypotheses that are refined. Chosen by hand.
 const REFINED_HYPOTHESES: usize = 12;
-/// Log odds from which on no other way to see the clouds is tried.
+/// Log odds from which on no other viewpoints are tried. Chosen by hand.
 const EARLY_EXIT_LOG_ODDS: f64 = 5.0;
 
-/// A pose in local frames, with what speaks for it.
+/// A pose in local frames, with its evidence.
 #[derive(Clone, Copy)]
 pub(super) struct LocalScoredPose {
     pub(super) pose: Transform,
     pub(super) evidence: PoseEvidence,
-    /// The logarithm of its odds by the evidence alone.
+    /// Log odds of the pose by the evidence alone.
     pub(super) log_odds: f64,
 }
 
@@ -38,7 +38,7 @@ impl LocalScoredPose {
     }
 }
 
-/// One way to see both clouds, and what came of it.
+/// One pair of viewpoint hypotheses, and its results.
 pub(super) struct ViewpointTrial {
     pub(super) surfaces: [Arc<Surface>; 2],
     pub(super) correspondences: Correspondences,
@@ -51,14 +51,14 @@ impl ViewpointTrial {
         self.surfaces.each_ref().map(|surface| &**surface)
     }
 
-    /// The evidence for `pose` on at most `max_points` of each surface.
+    /// Measures the evidence for `pose` on at most `max_points` of each surface.
     pub(super) fn evidence(&self, pose: &Transform, max_points: usize) -> PoseEvidence {
         score_pose(self.surface_refs(), &self.correspondences, pose, max_points)
     }
 }
 
 impl Consensus {
-    /// Tries the ways to see the clouds in turn, until one is sure.
+    /// Tries the viewpoint hypotheses in turn, until a pose is certain enough.
     pub(super) fn run_trials(
         &self,
         scans: &[Scan<'_>; 2],
@@ -108,7 +108,7 @@ impl Consensus {
             par::join_pair(seen, |(scan, view)| scan.surface(view))
         })?;
         let find = |matches: &Correspondences| matches.generate_hypotheses(self.seeds, &self.prior);
-        // Channels tell the poses that shapes propose apart: they shall not hide one of them.
+        // Channels rank the poses that shapes propose; they must not hide one of them.
         let mut found = Vec::new();
         if !self.channels.is_empty() && given.is_none() {
             let bare = times.time("matches", || match_features(&surfaces, length))?;
@@ -166,7 +166,7 @@ impl Consensus {
     }
 }
 
-/// The evidence for `pose` on at most `max_points` of each surface.
+/// Measures the evidence for `pose` on at most `max_points` of each surface.
 fn score_pose(
     surfaces: [&Surface; 2],
     correspondences: &Correspondences,
@@ -177,7 +177,7 @@ fn score_pose(
     PoseEvidence::compute(surfaces, pose, inlier_score, correspondences.voxel_size, max_points)
 }
 
-/// Pairs of points that are each other's most alike, the most alike first where there are many.
+/// Returns mutual nearest neighbours by descriptor; if there are too many, the most similar ones.
 fn match_features([source, target]: &[Arc<Surface>; 2], length: f64) -> Result<Correspondences> {
     let connection = FullConnection::new(source.feature_view(), target.feature_view())?;
     let mut pairs = connection.mutual_nearest();

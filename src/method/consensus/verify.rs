@@ -1,4 +1,4 @@
-//! The verdict on a pose, whoever found it, beside all poses that were tried.
+//! The verdict on a pose from any source, compared with all poses of a search.
 
 use super::trial::LocalScoredPose;
 use super::{
@@ -16,13 +16,13 @@ use crate::surface::{
 use crate::verify::{Confidence, Decision, PoseCovariance, PoseEvidence, RunnerUp, Verdict};
 
 impl Consensus {
-    /// The verdict on a `pose` that another method or program found: what a search of this
-    /// method's own says of it, and which other pose is more probable, if one is.
+    /// Verifies a `pose` from another method or program: runs a search of this method, evaluates
+    /// the pose with it, and names a more probable pose, if there is one.
     ///
-    /// A pose is as good as the one that it settles on, if that is the same to within a
-    /// [length](Self::voxel); the reasons say how far away that is. Where it has a scale other
-    /// than 1, the source is scaled first. Clouds that differ in scale by some percent have a pose
-    /// on which much of them lies on each other: that is ambiguous, and the reasons name the scale.
+    /// A pose is scored as its refined pose, if the two are the same to within a [voxel
+    /// size](Self::voxel); the reasons give the distance between them. For a scale other than 1,
+    /// the source is scaled first. Clouds that differ in scale by some percent have a pose with a
+    /// large overlap: it is ambiguous, and the reasons name the scale.
     ///
     /// # Errors
     /// Those of [`register`](crate::method::Register::register).
@@ -51,7 +51,7 @@ impl Consensus {
         self.verify_cached(source.into(), target.into(), pose)
     }
 
-    /// The same of clouds of many pairs.
+    /// Verifies with caches, for clouds of many pairs.
     pub(in crate::method) fn verify_cached(
         &self,
         source: Cached<'_>,
@@ -77,7 +77,7 @@ impl Consensus {
 }
 
 impl ConsensusSearch<'_> {
-    /// The verdict on a pose between the clouds' own frames.
+    /// Returns the verdict on a pose between the clouds' own frames.
     pub(in crate::method) fn verify(&self, pose: &Transform) -> Verdict {
         let best = &self.trials[self.best_trial];
         let surfaces = best.surface_refs();
@@ -98,7 +98,7 @@ impl ConsensusSearch<'_> {
         verdict
     }
 
-    /// The verdict on a pose between the local frames, with its `evidence`.
+    /// Returns the verdict on a pose between the local frames, with its `evidence`.
     pub(super) fn build_verdict(
         &self,
         pose: &Transform,
@@ -128,7 +128,7 @@ impl ConsensusSearch<'_> {
         verdict
     }
 
-    /// The evidence in words.
+    /// Describes the evidence in words.
     fn reasons(
         &self,
         Confidence { evidence, supporting_hypotheses, .. }: &Confidence,
@@ -159,7 +159,7 @@ impl ConsensusSearch<'_> {
         reasons
     }
 
-    /// Points that were excluded from the search, in words.
+    /// Describes the points excluded from the search, in words.
     fn excluded_points(&self) -> Vec<String> {
         let mut reasons = Vec::new();
         for (scan, name) in self.scans.iter().zip(["source", "target"]) {
@@ -181,7 +181,7 @@ impl ConsensusSearch<'_> {
         reasons
     }
 
-    /// The confidence in `pose`, with its `evidence`.
+    /// Returns the confidence in `pose`, with its `evidence`.
     pub(super) fn confidence(
         &self,
         pose: &Transform,
@@ -199,7 +199,7 @@ impl ConsensusSearch<'_> {
         }
     }
 
-    /// Refined hypotheses that converged to `pose`.
+    /// Counts the refined hypotheses that converged to `pose`.
     fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
         let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
         let all = self.trials.iter().flat_map(|trial| &trial.candidates);
@@ -209,7 +209,7 @@ impl ConsensusSearch<'_> {
         .count()
     }
 
-    /// The covariance of `pose`, if it is the right one.
+    /// Estimates the covariance of `pose`, if the pose is correct.
     pub(super) fn covariance(&self, pose: &Transform) -> Option<PoseCovariance> {
         let surfaces = self.trials[self.best_trial].surface_refs();
         let max_distance = INLIER_DISTANCE * self.voxel_size;
@@ -220,7 +220,7 @@ impl ConsensusSearch<'_> {
         PoseCovariance::estimate(pairs, pose, surfaces[1].origin, self.voxel_size)
     }
 
-    /// The most probable pose of the search that differs from `pose`, taken to be as well
+    /// Returns the most probable pose of the search that differs from `pose`, assumed to be as well
     /// constrained.
     fn find_runner_up(&self, pose: &Transform, confidence: &Confidence) -> Option<RunnerUp> {
         let model = self.config.verdict_model();

@@ -1,4 +1,4 @@
-//! A look at a thinned cloud, by which the place of its sensor is judged.
+//! A sample of a downsampled cloud, on which viewpoints are evaluated.
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
@@ -8,13 +8,14 @@ use crate::normals::{self, Orientation};
 use crate::search::{Neighborhood, Neighbors};
 use crate::visibility::OrientedSample;
 
-/// Points on which a viewpoint is sought.
+/// Most points of the sample. Chosen by hand.
 const MAX_VIEWPOINT_POINTS: usize = 1500;
 
-/// Some points of a thinned cloud, by which viewpoints are judged. Positions are about its origin.
+/// Some points of a downsampled cloud, on which viewpoints are evaluated. Positions are about its
+/// origin.
 pub(super) struct ViewpointSample {
     points: Vec<[f32; 3]>,
-    /// Of either sign.
+    /// Normals of either sign.
     normals: Vec<[f32; 3]>,
     /// From each point to the mean of its neighbours.
     pub(super) neighborhood_offsets: Vec<Vec3>,
@@ -22,7 +23,7 @@ pub(super) struct ViewpointSample {
 }
 
 impl ViewpointSample {
-    /// Looks at a cloud that is thinned to `length`.
+    /// Samples a cloud that is downsampled to `length`.
     pub(super) fn new(thin: &PointCloud, length: f64) -> Result<Self> {
         let side = filter::voxel_size_for(thin, MAX_VIEWPOINT_POINTS)?;
         let few = match side > length {

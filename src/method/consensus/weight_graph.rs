@@ -1,4 +1,4 @@
-//! The matches, and how they agree with a pose.
+//! The correspondences, and their inlier weights under a pose.
 
 use super::Consensus;
 use crate::cloud::{PointCloud, Transform};
@@ -9,7 +9,7 @@ use crate::par;
 use crate::surface::to_local_frames;
 
 impl Consensus {
-    /// The matches of the view of both clouds that the answer is from.
+    /// Returns the correspondences of the viewpoint trial with the best pose.
     pub(in crate::method) fn weight_graph(
         &self,
         source: &PointCloud,

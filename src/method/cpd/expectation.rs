@@ -1,4 +1,4 @@
-//! The E-step: responsibilities of the mixture, summed into moments at once.
+//! The E-step: responsibilities of the mixture, summed directly into moments.
 
 use std::f64::consts::PI;
 
@@ -11,15 +11,15 @@ use crate::par;
 use crate::search::SearchTree;
 use crate::weight::Gaussian;
 
-/// Search beats the tiles when it connects a target point with sources no further than
-/// this, in root mean square radii of the target: about one in a hundred.
+/// Largest radius at which search is faster than the tiles, in root mean square radii of the
+/// target: a target point then connects to about one source in a hundred.
 const MAX_SEARCH_RADIUS: f64 = 0.2;
-/// Sums of f32 weights below this have lost their digits.
+/// Smallest sum of f32 weights that still has correct digits.
 const MIN_WEIGHT_SUM: f64 = 1e-30;
-/// Target points a partial sum: fixed, so that the bits do not depend on the threads.
+/// Target points per partial sum: fixed, so that the bits do not depend on the threads.
 const BLOCK: usize = 64;
 
-/// The mixture that the moved source is, and the target as its data.
+/// The mixture given by the moved source, with the target as its data.
 pub(super) struct SourceMixture<'a> {
     positions: &'a PositionProblem<'a>,
     source: &'a PointCloud,
@@ -29,12 +29,12 @@ pub(super) struct SourceMixture<'a> {
     truncation: f64,
 }
 
-/// What an E-step leaves for the M-step.
+/// Result of an E-step for the M-step.
 pub(super) struct EStepResult {
     pub(super) moments: Moments,
-    /// Negative log-likelihood a target point, without constants.
+    /// Negative log-likelihood per target point, without constants.
     pub(super) objective: f64,
-    /// Pairs that were weighed.
+    /// Number of weighted pairs.
     pub(super) connections: u64,
 }
 
@@ -51,7 +51,7 @@ impl<'a> SourceMixture<'a> {
         SourceMixture { positions, source, target, outlier_density, truncation }
     }
 
-    /// Responsibilities at `pose` with `sigma` in the target's radii.
+    /// Computes responsibilities at `pose` with `sigma` in the target's radii.
     pub(super) fn e_step(&self, pose: &Transform, sigma: f64) -> Result<EStepResult> {
         let reach =
             self.max_squared_distance_gap(sigma).filter(|&reach| reach.sqrt() <= MAX_SEARCH_RADIUS);
@@ -63,9 +63,9 @@ impl<'a> SourceMixture<'a> {
         self.e_step_by_search(pose, sigma)
     }
 
-    /// Squared distance beyond the nearest source's at which sources are left out: all
-    /// N of them together then weigh less than the allowed share of the nearest, which may be
-    /// the lightest of them.
+    /// Squared distance beyond the nearest source's at which sources are left out: all N of them
+    /// together then weigh less than the allowed share of the nearest, which may have the smallest
+    /// weight.
     fn max_squared_distance_gap(&self, sigma: f64) -> Option<f64> {
         let weights = self.positions.source_weights().unwrap_or_default();
         let lightest = weights.iter().fold(1.0, |least: f64, &a| least.min(f64::from(a)));
@@ -81,18 +81,18 @@ impl<'a> SourceMixture<'a> {
         3.0 * sigma.ln() - log_sum / self.target.len() as f64
     }
 
-    /// bⱼ: how much a target point counts.
+    /// bⱼ: weight of a target point.
     fn target_weight(&self, j: usize) -> f64 {
         self.positions.target_weights().map_or(1.0, |weights| f64::from(weights[j]))
     }
 
-    /// aᵢ: how much of the mixture a source point is.
+    /// aᵢ: weight of a source point in the mixture.
     fn source_weight(&self, i: usize) -> f64 {
         self.positions.source_weights().map_or(1.0, |weights| f64::from(weights[i]))
     }
 
-    /// All pairs, in tiles. `None` where weights of a target point underflow and search
-    /// may do better.
+    /// Sums all pairs, in tiles. `None` if weights of a target point underflow and search may be
+    /// better.
     fn e_step_dense(&self, pose: &Transform, sigma: f64) -> Result<Option<EStepResult>> {
         let connection = self.positions.full_connection(pose)?;
         let kernel = Gaussian { beta: (2.0 * sigma * sigma) as f32 };
@@ -113,7 +113,7 @@ impl<'a> SourceMixture<'a> {
         }))
     }
 
-    /// The pairs that matter, by search, in f64.
+    /// Sums the relevant pairs, found by search, in f64.
     fn e_step_by_search(&self, pose: &Transform, sigma: f64) -> Result<EStepResult> {
         let unit = self.positions.rms_radius();
         let moved = self.positions.transform_source(pose)?;
@@ -131,7 +131,7 @@ impl<'a> SourceMixture<'a> {
                 let place = self.target.points()[j];
                 let nearest = f64::from(tree.nearest(&place).squared_distance);
                 let near = tree.within(&place, (nearest + reach).sqrt() * (1.0 + 1e-6));
-                // Relative to the nearest, so that nothing underflows however far it is.
+                // Relative to the nearest, so that nothing underflows at any distance.
                 let lift = nearest * inverse;
                 let relative = |found: &crate::search::Neighbor| {
                     let centre = self.source_weight(found.index as usize);
@@ -181,7 +181,7 @@ mod tests {
         (PointCloud::new(&source).unwrap(), PointCloud::new(&target).unwrap())
     }
 
-    /// Σw, Σw d² at the pose and the objective by the formulas as printed.
+    /// Computes Σw, Σw d² at the pose and the objective by the formulas as printed.
     fn printed(mixture: &SourceMixture, pose: &Transform, sigma: f64, w: f64) -> [f64; 3] {
         let (source, target) = (mixture.source, mixture.target);
         let (n, m) = (source.len() as f64, target.len() as f64);

@@ -16,63 +16,62 @@ use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::verify::FitnessRule;
 
-/// Least σ in root mean square radii of the target: a few roundings of f32 coordinates.
+/// Smallest σ in root mean square radii of the target: a few roundings of f32 coordinates.
 const SIGMA_FLOOR: f64 = 1e-6;
-/// The same where only f32 tiles are used: their rounding is all that σ² would then hold.
+/// Smallest σ if only f32 tiles are used: below it σ² would contain only their rounding errors.
 const EXACT_SIGMA_FLOOR: f64 = 1e-3;
 
-/// Coherent Point Drift, rigid (Myronenko and Song, PAMI 2010, fig. 2): the source points
-/// are the centres of a Gaussian mixture of one σ, the target points its data, and a
-/// uniform part `outliers` explains what no centre does. Expectation maximisation:
+/// Coherent Point Drift, rigid (Myronenko and Song, PAMI 2010, fig. 2): the source points are the
+/// centres of a Gaussian mixture of one σ, the target points its data, and a uniform part
+/// `outliers` explains the points that no centre explains. Expectation maximisation:
 ///
-/// - E: w_ij = exp(−d²/2σ²) / (Σ_i exp(−d²/2σ²) + c), with
-///   c = (2πσ²)^{3/2} w/(1 − w) N/M for N source and M target points,
+/// - E: w_ij = exp(−d²/2σ²) / (Σ_i exp(−d²/2σ²) + c), with c = (2πσ²)^{3/2} w/(1 − w) N/M for N
+///   source and M target points,
 /// - M: pose by the closed form, then σ² = Σw d² / (3 Σw), both from the moments alone.
 ///
-/// σ starts so wide that all points are connected and falls by itself. Finds rotations of
-/// some tens of degrees at full overlap; beyond that it settles in a wrong pose, and the
-/// result says so. Lengths are in root mean square radii of the target, as in the authors'
-/// programs, so the unit of the clouds does not matter.
+/// σ starts wide enough to connect all points and decreases by itself. Finds rotations of some tens
+/// of degrees at full overlap; beyond that it converges to a wrong pose, and the result has a
+/// warning. Lengths are in root mean square radii of the target, as in the authors' programs, so
+/// the unit of the clouds does not matter.
 ///
-/// The objective of the trace is the negative log-likelihood a target point,
-/// −Σ_j ln(Σ_i exp(−d²/2σ²) + c)/M + 3/2 ln σ², at the pose and σ that the step starts
-/// from: it falls from step to step.
+/// The objective of the trace is the negative log-likelihood per target point, −Σ_j ln(Σ_i
+/// exp(−d²/2σ²) + c)/M + 3/2 ln σ², at the initial pose and σ of the step: it falls from step to
+/// step.
 ///
-/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, with a
-/// and b the others' in shares of their cloud's mean, aᵢ/N is the share of centre i in the
-/// mixture and bⱼ counts the datum j: w_ij = bⱼ aᵢ exp(−d²/2σ²) / (Σ_i aᵢ exp(−d²/2σ²) + c), the
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out. With a and b
+/// the other weights relative to their cloud's mean, aᵢ/N is the share of centre i in the mixture
+/// and bⱼ the weight of datum j: w_ij = bⱼ aᵢ exp(−d²/2σ²) / (Σ_i aᵢ exp(−d²/2σ²) + c), the
 /// objective is −Σ_j bⱼ ln(…)/M + 3/2 ln σ².
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Cpd {
-    /// Share w of target points that the mixture does not explain, in [0, 1); default 0.1,
-    /// the authors' program's. Raise it under noise and partial overlap.
+    /// Share w of target points that the mixture does not explain, in [0, 1); default 0.1, as in
+    /// the authors' program. Raise it under noise and partial overlap.
     pub outliers: f64,
     /// Whether the clouds may differ in scale: `fixed` (default, and the paper's section
     /// IV) or `umeyama`, the published update. `symmetric` is refused: it is not the
     /// M-step's maximum.
     pub scale: ScaleEstimate,
-    /// First σ in the target's unit, above 0. Default the published: √ of a third of the
-    /// mean squared distance over all pairs. Set it to the expected error of the pose
-    /// when refining, so that a good start is not forgotten.
+    /// First σ in the target's unit, above 0. Default the published: √ of a third of the mean
+    /// squared distance over all pairs. Set it to the expected error of the pose when refining, so
+    /// that a good initial pose is kept.
     pub sigma: Option<f64>,
-    /// Stops when the objective changes by no more than this, in nats a target point, 0 to
-    /// 1; default 1e-6. The authors' 1e-5 is of the whole objective's magnitude, which
+    /// Stops when the objective changes by no more than this, in nats per target point, 0 to 1;
+    /// default 1e-6. The authors' 1e-5 is relative to the magnitude of the whole objective, which
     /// depends on the unit.
     pub tolerance: f64,
     /// Most iterations, at least 1; default 150 (the authors' program's).
     pub max_iterations: u32,
-    /// Largest share of a target point's weights that may be left out once σ is small, in
-    /// [0, 0.1]; default 1e-7, what f32 tiles round away. Only sources with
-    /// d² ≤ d²_nearest + 2σ² ln(N/share) are then connected, found by search and weighed
-    /// in f64. 0 always weighs all pairs; σ then ends at a thousandth of the target's
-    /// radius, and weights below e⁻⁸⁷ vanish.
+    /// Largest share of a target point's weights that may be left out once σ is small, in [0, 0.1];
+    /// default 1e-7, the rounding error of f32 tiles. Only sources with d² ≤ d²_nearest + 2σ²
+    /// ln(N/share) are then connected, found by search and weighted in f64. 0 always weights all
+    /// pairs; σ then ends at a thousandth of the target's radius, and weights below e⁻⁸⁷ vanish.
     pub truncation: f64,
-    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    /// Constraints on the pose ([`Prior`]); default none.
     pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
@@ -189,9 +188,9 @@ impl Cpd {
     }
 }
 
-/// √(Σ_ij d²/3NM) at `pose`, from means and variances alone.
+/// Returns √(Σ_ij d²/3NM) at `pose`, from means and variances alone.
 fn initial_sigma(source: &PointCloud, target: &PointCloud, pose: &Transform) -> f64 {
-    // Mean, and mean squared distance from it, by weight.
+    // Weighted mean, and weighted mean squared distance from it.
     let spread = |cloud: &PointCloud| {
         let center = cloud.centroid();
         let local = || cloud.positions().map(|p| math::sub(p, center));
@@ -263,7 +262,7 @@ mod tests {
         }
         let want = (sum / 18.0).sqrt();
         assert!((initial_sigma(&source, &target, &pose) / want - 1.0).abs() < 1e-6);
-        // A weight is as many points.
+        // An integer weight equals as many copies of the point.
         let heavy = source.clone().with_weights(vec![1.0, 3.0, 2.0]).unwrap();
         let many = source.select(&[0, 1, 1, 1, 2, 2]);
         let sigma = |source| initial_sigma(source, &target, &pose);

@@ -1,18 +1,18 @@
-//! Observation weights: how much of the surface a point stands for.
+//! Observation weights: the share of the surface that each point represents.
 
 use crate::error::Result;
 use crate::math::{self, Mat3, Vec3};
 use crate::par;
 use crate::search::{Neighborhood, Neighbors};
 
-/// Weights above this many times their mean are cut to it, as in the authors' program: a
-/// stray point's neighbourhood spans far more than it has seen.
+/// Weights above this many times their mean are clamped to it, as in the authors' program: the
+/// neighbourhood of a stray point spans far more than the point represents.
 const MAX_RELATIVE_WEIGHT: f64 = 8.0;
 
-/// One weight a point, inverse to the local sampling density, with sum 1: the product of
-/// the two largest standard deviations of its `k` nearest points (the area they span),
-/// then the median over these neighbours (the empirical sample model of the DARE paper).
-/// Equal weights where no neighbourhood spans an area.
+/// Returns one weight per point, inverse to the local sampling density, with sum 1: the product of
+/// the two largest standard deviations of its `k` nearest points (the area they span), then the
+/// median over these neighbours (the empirical sample model of the DARE paper). Equal weights if no
+/// neighbourhood spans an area.
 ///
 /// # Errors
 /// Those of [`Neighbors::find`].
@@ -44,12 +44,12 @@ pub(super) fn observation_weights(points: &[[f32; 3]], k: usize) -> Result<Vec<f
     Ok(weights.iter().map(|weight| weight / sum).collect())
 }
 
-/// The same weight for every point, with sum 1.
+/// Returns the same weight for every point, with sum 1.
 pub(super) fn equal_weights(n: usize) -> Vec<f64> {
     vec![1.0 / n as f64; n]
 }
 
-/// √(λ₂λ₃) of the covariance, in squared units of the points.
+/// Returns √(λ₂λ₃) of the covariance, in squared units of the points.
 fn spanned_area(points: impl ExactSizeIterator<Item = [f32; 3]>, about: [f32; 3]) -> f64 {
     let n = points.len() as f64;
     let (mut sum, mut squares): (Vec3, Mat3) = ([0.0; 3], [[0.0; 3]; 3]);
@@ -72,8 +72,8 @@ mod tests {
 
     #[test]
     fn a_point_weighs_as_much_as_the_surface_it_stands_for() {
-        // A plane, sampled with step 1 on one half and step 2 on the other: four times the
-        // area a point.
+        // A plane, sampled with step 1 on one half and step 2 on the other: four times the area per
+        // point.
         let grid = |x0: f32, step: f32, n: usize| {
             (0..n * n).map(move |i| [x0 + step * (i % n) as f32, step * (i / n) as f32, 0.0])
         };

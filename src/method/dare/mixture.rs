@@ -1,10 +1,10 @@
 //! The latent scene: isotropic Gaussians and a uniform outlier component.
 //!
-//! Each component has its own variance, so a connection's weight is no function of the
-//! distance alone and the tiles of [`crate::moments`] do not serve. But an isotropic
-//! Gaussian sees of a cloud only the mass, centroid and scatter it is responsible for:
-//! one pass over N·K leaves a [`ComponentStatistics`] a component, and poses, means and variances
-//! follow from these in O(K). The responsibilities are never stored.
+//! Each component has its own variance, so a connection's weight is not a function of the distance
+//! alone and the tiles of [`crate::moments`] cannot be used. But an isotropic Gaussian depends only
+//! on the mass, centroid and scatter of the points it is responsible for: one pass over N·K returns
+//! a [`ComponentStatistics`] per component, and poses, means and variances follow from these in
+//! O(K). The responsibilities are never stored.
 
 use pulp::{Simd, WithSimd};
 
@@ -15,32 +15,32 @@ use crate::moments::Moments;
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solution, Solver};
 
-/// Points a task of the parallel loop.
+/// Points per task of the parallel loop. Chosen by hand.
 const BLOCK: usize = 1024;
-/// Points that are summed in f32 before the sums go on in f64.
+/// Points that are summed in f32 before the sums continue in f64. Chosen by hand.
 const CHUNK: usize = 32;
-/// Sums a component: Σa, Σa dx, Σa dy, Σa dz, Σa|d|², Σa².
+/// Sums per component: Σa, Σa dx, Σa dy, Σa dz, Σa|d|², Σa².
 const SUMS_PER_COMPONENT: usize = 6;
-/// Weights are multiplied by this before they are squared: they may be 1e-7 each.
+/// Factor on the weights before they are squared: they may be 1e-7 each.
 const WEIGHT_SCALE: f32 = (1u32 << 30) as f32;
-/// Mass below which a component keeps its mean and variance: nothing determines them.
+/// Mass below which a component keeps its mean and variance: they are unconstrained.
 const MIN_MASS: f64 = 1e-12;
 
 /// A cloud about its centroid in units of the model, and its observation weights.
 pub(super) struct NormalizedCloud {
     pub(super) points: Vec<[f32; 3]>,
-    /// Sum 1.
+    /// Weights with sum 1.
     pub(super) weights: Vec<f64>,
 }
 
 impl NormalizedCloud {
-    /// Distance of the farthest point from the centroid.
+    /// Returns the distance of the farthest point from the centroid.
     pub(super) fn radius(&self) -> f64 {
         let squares = self.points.iter().map(|p| p.map(f64::from)).map(|p| math::dot(p, p));
         squares.fold(0.0, f64::max).sqrt()
     }
 
-    /// Principal axes, a right-handed frame: the widest first, each of the first two
+    /// Returns the principal axes, a right-handed frame: the widest first, each of the first two
     /// towards its longer tail.
     pub(super) fn principal_axes(&self) -> Mat3 {
         let points = || self.points.iter().map(|p| p.map(f64::from));
@@ -59,7 +59,7 @@ impl NormalizedCloud {
     }
 }
 
-/// Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
+/// Density Σ_k π N(μ_k, σ_k²) + ω/V, with equal priors π = (1 − ω)/K.
 pub(super) struct SceneMixture {
     pub(super) means: Vec<Vec3>,
     pub(super) variances: Vec<f64>,
@@ -67,13 +67,13 @@ pub(super) struct SceneMixture {
     pub(super) outlier_ratio: f64,
     /// V.
     pub(super) volume: f64,
-    /// Variance of every point about where it was measured. Its expected log-likelihood
-    /// under a component is that of the point less 3/2 blur/σ²: the factor in the E-step
-    /// and the term of the variances by which EM still climbs.
+    /// Variance of every point about its measured position. Its expected log-likelihood under a
+    /// component is that of the point less 3/2 blur/σ²: this factor in the E-step and this term of
+    /// the variances keep EM monotone.
     pub(super) point_variance: f64,
 }
 
-/// What of a cloud a component is responsible for, in the cloud's own coordinates.
+/// Statistics of the points that a component is responsible for, in the cloud's own coordinates.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ComponentStatistics {
     /// Σa, a = responsibility × observation weight.
@@ -87,7 +87,7 @@ pub(super) struct ComponentStatistics {
 }
 
 impl SceneMixture {
-    /// The E-step: the clusters of `view` under `pose`, and Σ_j w_j ln p(x_j).
+    /// The E-step: returns the clusters of `view` under `pose`, and Σ_j w_j ln p(x_j).
     pub(super) fn e_step(
         &self,
         view: &NormalizedCloud,
@@ -146,7 +146,7 @@ impl SceneMixture {
             if mass < MIN_MASS {
                 return ComponentStatistics::default();
             }
-            // About the component's mean in f32, where the kernel took it.
+            // About the component's mean in f32, as the kernel used it.
             let mean = self.means[i].map(|x| f64::from(x as f32));
             let shift = math::scaled([sum(1), sum(2), sum(3)], 1.0 / mass);
             let scatter = (sum(4) - mass * math::dot(shift, shift)).max(0.0);
@@ -160,9 +160,8 @@ impl SceneMixture {
         ((0..k).map(cluster).collect(), likelihood)
     }
 
-    /// Moments of all connections of the points behind `clusters` with the means, weighed
-    /// by a/σ_k², in units of `unit` about the given origins: the scatter is the same for
-    /// every pose.
+    /// Moments of all connections of the points behind `clusters` with the means, weighted by
+    /// a/σ_k², in units of `unit` about the given origins: the scatter is the same for every pose.
     pub(super) fn moments(
         &self,
         clusters: &[ComponentStatistics],
@@ -180,8 +179,8 @@ impl SceneMixture {
         moments
     }
 
-    /// The pose that brings the clusters nearest to the means, as the model's weights
-    /// have it, among those that `prior` allows.
+    /// Returns the pose with the least squared distance of the clusters to the means, by the
+    /// model's weights, among the poses that `prior` allows.
     ///
     /// # Errors
     /// Those of [`pose::solve_with`].
@@ -194,11 +193,11 @@ impl SceneMixture {
         pose::solve_with(&moments, Solver::Arun, ScaleEstimate::Fixed, prior)
     }
 
-    /// Moves the means, as they lie to each other, nearest to the clusters of both clouds under
-    /// their poses; where that is open, they stay.
+    /// Moves the means rigidly to the least squared distance to the clusters of both clouds under
+    /// their poses; the means do not move if this motion is unconstrained.
     ///
     /// # Errors
-    /// Those of [`pose::solve`], but for the open rotation.
+    /// Those of [`pose::solve`], except for the unconstrained rotation.
     pub(super) fn follow_clouds(
         &mut self,
         clouds: [(&[ComponentStatistics], &Transform); 2],
@@ -219,14 +218,14 @@ impl SceneMixture {
         Ok(())
     }
 
-    /// Gives the scene, which has no frame of its own, that of a cloud under `pose`.
+    /// Moves the scene, which has no frame of its own, into that of a cloud under `pose`.
     pub(super) fn move_components(&mut self, pose: &Transform) {
         let back = pose.inverse();
         self.means.iter_mut().for_each(|mean| *mean = back.apply(*mean));
     }
 
-    /// The rest of the M-step: means (unless `held`), then variances, from the clusters
-    /// of both clouds under their new poses.
+    /// The rest of the M-step: updates the means (unless `freeze_means`), then the variances, from
+    /// the clusters of both clouds under their new poses.
     pub(super) fn update_components(
         &mut self,
         clouds: [(&[ComponentStatistics], &Transform); 2],
@@ -255,7 +254,7 @@ impl SceneMixture {
     }
 }
 
-/// The model in f32, one array a parameter.
+/// The model in f32, one array per parameter.
 struct SimdComponents {
     x: Vec<f32>,
     y: Vec<f32>,
@@ -277,7 +276,7 @@ impl WithSimd for EStepKernel<'_> {
     /// Σ w ln(p / outlier density).
     type Output = f64;
 
-    // Plain loops: compiled here once per instruction set, they become its vector code.
+    // Plain loops: compiled here once per instruction set, the compiler vectorises them.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
         let SimdComponents { x, y, z, exponent, amplitude } = self.model;

@@ -18,69 +18,67 @@ use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
 use crate::verify::FitnessRule;
 
-/// Iterations in which the means stay where they were laid and only poses and variances
-/// follow, as in the authors' program.
+/// First iterations, in which the means are fixed and only poses and variances are updated, as in
+/// the authors' program.
 const FROZEN_ITERATIONS: u32 = 3;
 
-/// Agreement beyond chance below which a pose is doubted, more than is asked of other
-/// methods: of 105 wrong optima from rotations of 60° to 180° the best agrees by 0.58
-/// (by 0.60 with `min_sigma` 0.055), of 15 right ones the worst by 0.82
-/// (`cargo test --features cli --test it dare::wrong_optima -- --nocapture`).
+/// Chance-corrected fitness below which a pose gets a warning, higher than for other methods: of
+/// 105 wrong optima from rotations of 60° to 180° the best has 0.58 (0.60 with `min_sigma` 0.055),
+/// of 15 correct ones the worst has 0.82 (`cargo test --features cli --test it dare::wrong_optima
+/// -- --nocapture`).
 pub(super) const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.65;
 
-/// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and
-/// Felsberg, CVPR 2018), positions only.
+/// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and Felsberg,
+/// CVPR 2018), positions only.
 ///
-/// Both clouds are drawn from one latent scene, a mixture of isotropic Gaussians and
-/// uniform outliers. Expectation-maximisation of Σ_clouds Σ_j w_j ln p(T x_j), where the
-/// observation weights w (sum 1 a cloud) undo the sampling density; both poses, the means
-/// and the variances are estimated, and the answer is the source's pose seen from the
-/// target's. The means start on a spherical Fibonacci lattice (the authors draw them at
-/// random) that turns with the target, the variances wide, which lays centroid on centroid:
-/// it forgets the shift of the initial pose, not its rotation. Rotations of 60° and more
-/// end in a wrong optimum. The trace's objective is the log-likelihood per
-/// weight, both clouds together (positions in units of the target's size): it never falls.
+/// Both clouds are drawn from one latent scene, a mixture of isotropic Gaussians and uniform
+/// outliers. Expectation-maximisation of Σ_clouds Σ_j w_j ln p(T x_j), where the observation
+/// weights w (sum 1 per cloud) compensate the sampling density; both poses, the means and the
+/// variances are estimated, and the result is the source's pose relative to the target's. The means
+/// start on a spherical Fibonacci lattice (the authors draw them at random) that rotates with the
+/// target, the variances wide, which aligns the centroids: the method forgets the translation of
+/// the initial pose, not its rotation. Rotations of 60° and more end in a wrong optimum. The
+/// trace's objective is the log-likelihood per weight, both clouds together (positions in units of
+/// the target's size): it never falls.
 ///
-/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, those of
-/// others multiply their observation weights.
+/// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, other weights
+/// multiply the observation weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Dare {
-    /// Gaussians of the latent scene, 4 to 100 000. Default 200, but at most a third of
-    /// the points of the smaller cloud. More resolve finer shape and cost in proportion.
+    /// Gaussians of the latent scene, 4 to 100 000. Default 200, but at most a third of the points
+    /// of the smaller cloud. More resolve finer shape and cost in proportion.
     pub components: Option<usize>,
     /// Most iterations, at least 1; default 1000 (the authors' demonstration runs 50). On
     /// two samples of 500 points of the bunny half of the runs need more than 265.
     pub max_iterations: u32,
-    /// Share ω of points that belong to no component, above 0 and below 1; default 0.005
-    /// (the authors' γ = 0.005). Raise it for clutter and little overlap.
+    /// Share ω of points that belong to no component, above 0 and below 1; default 0.005 (the
+    /// authors' γ = 0.005). Raise it for clutter and small overlap.
     pub outlier_ratio: f64,
-    /// Nearest points (itself included) from which a point's sampling density is
-    /// estimated, 3 or more; 0 weighs all points alike, which is JRMPC (Evangelidis and
-    /// Horaud 2018). Default the paper's 10. On fine refinement of scans 0 did better: 7
-    /// pairs of KITTI and a terrestrial scanner started 10° off ended 0.43° off in the median
-    /// with 10 and 0.33° with 0 (2,000 points).
+    /// Nearest points (including the point itself) from which a point's sampling density is
+    /// estimated, 3 or more; 0 weights all points equally, which is JRMPC (Evangelidis and Horaud
+    /// 2018). Default the paper's 10. In fine refinement of scans 0 was better: 7 pairs of KITTI
+    /// and a terrestrial scanner started 10° off ended 0.43° off in the median with 10 and 0.33°
+    /// with 0 (2,000 points).
     pub density_neighbors: usize,
-    /// It stops when the log-likelihood gains less than this in an iteration, 0 or more;
-    /// default 1e-5.
+    /// Stops when the log-likelihood gains less than this in an iteration, 0 or more; default 1e-5.
     pub tolerance: f64,
-    /// Standard deviation that all components start with, in root mean square radii of
-    /// the clouds together under the initial pose, 0.01 to 100. Default 3, about the
-    /// authors' bounding-box diagonal. Smaller keeps nearer to the initial pose.
+    /// Initial standard deviation of all components, in root mean square radii of the clouds
+    /// together under the initial pose, 0.01 to 100. Default 3, about the authors' bounding-box
+    /// diagonal. A smaller value keeps the pose nearer to the initial pose.
     pub initial_sigma: f64,
-    /// Least standard deviation of a component, in root mean square radii of the target,
-    /// 1e-5 to 1; default 0.065. Every point counts as blurred by as much, lest components
-    /// shrink onto the few points they hold and tie the clouds to their noise; smaller for
-    /// clouds that hold the very same points. (The authors add 1e-5 to every variance
-    /// whatever the unit, 0.06 on the bunny.) Found to 5°, of two samples of 500 points of
-    /// the bunny turned by up to 90° about each axis: 19 of 30, the authors' program 7, or
-    /// 10 with as many components.
+    /// Smallest standard deviation of a component, in root mean square radii of the target, 1e-5 to
+    /// 1; default 0.065. Every point counts as blurred by as much, so that components do not shrink
+    /// onto a few points and fit the noise of the clouds; set it smaller for clouds of identical
+    /// points. (The authors add 1e-5 to every variance in any unit, 0.06 on the bunny.) Found to
+    /// 5°, of two samples of 500 points of the bunny rotated by up to 90° about each axis: 19 of
+    /// 30, the authors' program 7, or 10 with as many components.
     pub min_sigma: f64,
-    /// What is known of the pose beforehand ([`Prior`]); default nothing.
+    /// Constraints on the pose ([`Prior`]); default none.
     pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
@@ -105,7 +103,7 @@ impl Dare {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`Error::Config`] for a setting outside the range its field states.
+    /// [`Error::Config`] for a setting outside the range in its field's documentation.
     pub fn validate(&self) -> Result<()> {
         let fault = |field, value: &dyn std::fmt::Display, rule: &str| {
             Err(Error::config(field, value, rule))
@@ -134,7 +132,7 @@ impl Dare {
         self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
-    /// The settings with every default that depends on the clouds filled in.
+    /// Returns the settings with all defaults that depend on the clouds filled in.
     fn resolved(&self, source: &PointCloud, target: &PointCloud) -> Dare {
         let most = (source.len().min(target.len()) / 3).max(4);
         let components = self.components.unwrap_or_else(|| most.min(200));
@@ -158,11 +156,11 @@ impl Dare {
         })?;
         let mut pose = frame.normalize_pose(&Transform { scale: 1.0, ..*initial });
         if math::norm(pose.translation) > from.radius() + to.radius() {
-            // No point can meet another: such a shift knows nothing, and the scene would
-            // be so wide that f32 loses the clouds in it.
+            // No points can correspond: such a translation is not informative, and the scene would
+            // be so wide that f32 cannot resolve the clouds in it.
             pose.translation = [0.0; 3];
         }
-        // It may turn away from where the clouds lie, and climbs from there.
+        // The projection may change the initial pose; the likelihood grows from there.
         pose = self.prior.project_pose(&pose, [0.0; 3])?;
         let mut mixture = config.initial_mixture(&from, &to, &pose);
         let mut before = f64::NEG_INFINITY;
@@ -217,11 +215,11 @@ impl Dare {
         solved.finish_cached(source.into(), target.into())
     }
 
-    /// The poses of both clouds in the scene's frame that the M-step gives, `pose` the one
-    /// between them before.
+    /// Returns the M-step's poses of both clouds in the scene's frame; `pose` is the previous pose
+    /// between them.
     ///
-    /// With a prior, which ties them to each other, the scene first follows both as they lie, then
-    /// the source alone moves: neither lowers the likelihood.
+    /// With a prior, which links the two poses, the scene first follows both clouds at their
+    /// current poses, then the source alone moves: neither step lowers the likelihood.
     fn solve_poses(
         &self,
         mixture: &mut SceneMixture,
@@ -237,8 +235,8 @@ impl Dare {
         Ok([mixture.solve_pose(source, &self.prior)?.transform, Transform::IDENTITY])
     }
 
-    /// The scene before anything was seen of it: means on a sphere about both clouds'
-    /// centroid, of their standard deviation an axis, and turned with the target.
+    /// Returns the initial scene: means on a sphere about both clouds' centroid, with their
+    /// standard deviation along each axis, and rotated with the target.
     fn initial_mixture(
         &self,
         source: &NormalizedCloud,
@@ -251,7 +249,7 @@ impl Dare {
         let center = math::scaled(all.iter().fold([0.0; 3], |sum, p| math::add(sum, *p)), 1.0 / n);
         let square = |p: Vec3| math::dot(p, p);
         let spread = all.iter().map(|&p| square(math::sub(p, center))).sum::<f64>() / n;
-        // Each cloud about its own centroid: outliers fill the ball that holds both.
+        // Each cloud about its own centroid: outliers fill the ball that contains both.
         let radius = source.radius().max(target.radius());
         let k = self.components.unwrap_or(4);
         let from_axes = math::transpose(&target.principal_axes());
@@ -269,7 +267,7 @@ impl Dare {
     }
 }
 
-/// Even directions by the golden angle (González 2010).
+/// Returns even directions by the golden angle (González 2010).
 fn fibonacci_sphere(count: usize) -> impl Iterator<Item = Vec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {
@@ -280,8 +278,8 @@ fn fibonacci_sphere(count: usize) -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// Where the model lives: each cloud about its centroid, in units of the target's root
-/// mean square radius.
+/// The frame of the model: each cloud about its centroid, in units of the target's root mean square
+/// radius.
 struct NormalizedFrame {
     source: Vec3,
     target: Vec3,
@@ -322,13 +320,13 @@ impl NormalizedFrame {
         Ok(NormalizedCloud { points, weights })
     }
 
-    /// A pose between the clouds as one between their views.
+    /// Converts a pose between the clouds into one between their normalised views.
     fn normalize_pose(&self, pose: &Transform) -> Transform {
         let shift = math::sub(pose.apply(self.source), self.target);
         Transform { translation: math::scaled(shift, 1.0 / self.rms_radius), ..*pose }
     }
 
-    /// A pose between the views as one between the clouds.
+    /// Converts a pose between the normalised views into one between the clouds.
     fn denormalize_pose(&self, pose: &Transform) -> Transform {
         let turned = pose.rotate(self.source);
         let shift = math::sub(math::scaled(pose.translation, self.rms_radius), turned);

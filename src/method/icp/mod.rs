@@ -1,4 +1,4 @@
-//! ICP: the nearest point within a bound, weighed again and solved again.
+//! ICP: the nearest point within a limit, weighted and solved repeatedly.
 
 mod pairs;
 mod surface;
@@ -21,7 +21,7 @@ use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::verify::{self, FitnessRule, Warning};
 use crate::weight::WeightScheme;
 
-/// What distance of a pair is made small.
+/// The minimised distance of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Metric {
@@ -34,63 +34,65 @@ pub enum Metric {
     Generalized,
 }
 
-/// Iterative closest point: weight 1 for the nearest target point of every source point
-/// under the current pose, solved, again and again until the pose rests.
+/// Iterative closest point: weight 1 for the nearest target point of every source point under the
+/// current pose, solved repeatedly until the pose converges.
 ///
-/// Finds the nearest rest, not the best: start within about 20 degrees, or after a method
-/// that needs no start (`--method cf --refine icp`). From farther off the answer is
-/// usually wrong, and doubted by its agreement.
+/// Finds the nearest local optimum, not the global one: start within about 20 degrees, or after a
+/// method without an initial pose (`--method cf --refine icp`). From farther off the result is
+/// usually wrong, and its low fitness gives a warning.
 ///
-/// In the trace, objective is the root mean square distance of the pairs (weighted, in
-/// the target's unit) at the pose before the step; it falls.
+/// In the trace, the objective is the root mean square distance of the pairs (weighted, in the
+/// target's unit) at the pose before the step; it falls.
 ///
 /// Weights of points ([`PointCloud::with_weights`]): points of weight 0 are left out, the weight of
-/// a pair is multiplied by those of its two points. `keep` counts pairs, whatever they weigh.
+/// a pair is multiplied by those of its two points. `keep` counts pairs, regardless of their
+/// weight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Icp {
-    /// What is minimised; default point to point. `plane` and `generalized` need fewer
+    /// The metric that is minimised; default point to point. `plane` and `generalized` need fewer
     /// iterations and slide along surfaces, but need surfaces.
     pub metric: Metric,
-    /// Longest pair, in the target's unit, above 0. Default none: every source point has
-    /// a pair (Besl and McKay). Set it, to a few times the expected misalignment, when the
-    /// clouds overlap only in part.
+    /// Largest pair distance, in the target's unit, above 0. Default none: every source point has a
+    /// pair (Besl and McKay). Set it, to a few times the expected misalignment, when the clouds
+    /// overlap only in part.
     pub max_distance: Option<f64>,
     /// Share of the pairs that is kept, shortest first, in (0, 1]; default 1. Trimmed ICP
-    /// (Chetverikov et al. 2002): a little below the overlap.
+    /// (Chetverikov et al. 2002): set it a little below the overlap.
     #[serde(rename = "keep")]
     pub trim_ratio: f64,
-    /// Whether the source point must also be the nearest of its target point; default no.
-    /// Fewer, better pairs under partial overlap, at about twice the time.
+    /// Whether the source point must also be the nearest of its target point; default no. Fewer,
+    /// better pairs under partial overlap, at about twice the time.
     pub reciprocal: bool,
-    /// Kernel of the pair's distance; default uniform. Others bound the pull of outliers.
+    /// Kernel of the pair's distance; default uniform. Other kernels limit the influence of
+    /// outliers.
     pub weights: WeightScheme,
     /// Bandwidth of the kernel, in the target's unit, above 0. Default three resolutions
     /// of the coarser cloud ([`verify::default_distance`]).
     pub bandwidth: Option<f64>,
-    /// Nearest points that make a tangent plane, at least 3; default 20 (Segal et al.).
-    /// More for noisy clouds. Only for `plane` and `generalized`.
+    /// Number of nearest points for a tangent plane, at least 3; default 20 (Segal et al.). More
+    /// for noisy clouds. Only for `plane` and `generalized`.
     pub surface_neighbors: usize,
-    /// Most iterations, at least 1; default 200. At the limit the pose is doubted.
+    /// Most iterations, at least 1; default 200. A pose at this limit gets a warning.
     pub max_iterations: u32,
-    /// Rotation below which a step is rest, radians, 0 or more; default 1e-6. Rest too is
-    /// to be back, within this, where one of the eight last steps was.
+    /// Rotation of a step below which the pose has converged, radians, 0 or more; default 1e-6. A
+    /// pose that returns, within this, to one of the eight last steps has also converged.
     pub rotation_tolerance: f64,
-    /// Shift of the source's centre below which a step is rest, in root mean square radii
-    /// of the target, 0 or more; default 1e-6. Both must hold.
+    /// Displacement of the source's centre in a step below which the pose has converged, in root
+    /// mean square radii of the target, 0 or more; default 1e-6. Both must hold.
     pub translation_tolerance: f64,
-    /// Change of the pairs' mean squared distance below which it rests, as a share of the
-    /// one before, 0 or more; default 0, which leaves it to the pose.
+    /// Change of the pairs' mean squared distance below which the iterations end, relative to the
+    /// previous one, 0 or more; default 0, which leaves only the pose criteria.
     pub relative_error_tolerance: f64,
-    /// The same as an absolute change, in squared target units, 0 or more; default 0.
+    /// Absolute change of the pairs' mean squared distance below which the iterations end, in
+    /// squared target units, 0 or more; default 0.
     pub error_tolerance: f64,
-    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing.
-    /// Exact for point to point; the other metrics take after each step the allowed pose that
-    /// is nearest.
+    /// Constraints on the pose ([`Prior`]), except on its scale; default none. Exact for point to
+    /// point; the other metrics project each step to the nearest allowed pose.
     pub prior: Prior,
     /// Whether to record every iteration.
     pub trace: bool,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
@@ -116,23 +118,23 @@ impl Default for Icp {
     }
 }
 
-/// Steps within which a pose that comes back is at rest: a few sets of pairs then lead to
-/// each other without end. Five of 38 refinements of scans by the surface metrics did.
+/// Number of last steps: a pose that returns to one of them has converged, as a few sets of pairs
+/// then alternate without end. Five of 38 refinements of scans by the surface metrics did.
 const CYCLE_LENGTH: usize = 8;
-/// Hold of the surfaces below which a pose is doubted ([`Warning::Degenerate`]).
+/// Smallest pivot of the surfaces below which a pose gets a warning ([`Warning::Degenerate`]).
+/// Chosen by hand.
 const MIN_PIVOT: f64 = 1e-4;
 
 impl Icp {
-    /// The paper's settings (section IV-A) in the meaning that PCL 1.13's
-    /// `IterativeClosestPoint` gives them: pairs of at most 0.5, 1000 iterations,
-    /// transformation epsilon 1e-9 (of the squared shift, and of 1 − cos of the angle),
-    /// Euclidean fitness epsilon 0.05 (of the change of the mean squared distance, as a
-    /// share of it), and PCL's own 1e-12 on its absolute change. The shares end it after
-    /// some ten iterations, short of rest.
+    /// Returns the paper's settings (section IV-A) as PCL 1.13's `IterativeClosestPoint` interprets
+    /// them: pairs of at most 0.5, 1000 iterations, transformation epsilon 1e-9 (of the squared
+    /// translation, and of 1 − cos of the angle), Euclidean fitness epsilon 0.05 (of the change of
+    /// the mean squared distance, relative to it), and PCL's own 1e-12 on its absolute change. The
+    /// relative criterion ends it after some ten iterations, before convergence.
     ///
-    /// A preset, no method of its own: a [`Registration`] by it names `icp` and carries
-    /// all settings. The lengths are absolute, as the paper's; only the shift is measured
-    /// by the cloud's radius here.
+    /// A preset, not a separate method: a [`Registration`] by it names `icp` and has all settings.
+    /// The lengths are absolute, as the paper's; only the translation is measured by the cloud's
+    /// radius here.
     pub fn paper() -> Self {
         Icp {
             max_distance: Some(0.5),
@@ -145,7 +147,7 @@ impl Icp {
         }
     }
 
-    /// Its name in the catalogue.
+    /// Returns its name in the catalogue.
     pub(super) fn name(&self) -> &'static str {
         match self.metric {
             Metric::Point => "icp",
@@ -188,11 +190,11 @@ impl Icp {
             }
         }
         self.prior.validate_for(ScaleEstimate::Fixed)?;
-        // Its own range check (ν of student-t).
+        // The kernel's own range check (ν of student-t).
         self.weights.weight(1.0, 0.0).map(|_| ())
     }
 
-    /// The settings with the bandwidth filled in where a kernel needs one.
+    /// Returns the settings with the bandwidth filled in if a kernel needs one.
     fn resolved(&self, source: Cached<'_>, target: Cached<'_>, scale: f64) -> Result<Icp> {
         let mut config = self.clone();
         if config.bandwidth.is_none() && config.weights != WeightScheme::Uniform {
@@ -290,7 +292,7 @@ impl Icp {
     }
 }
 
-/// The pose of least squared distance that keeps the scale it started with.
+/// Returns the pose of least squared distance that keeps its initial scale.
 fn solve_point_to_point(moments: &Moments, scale: f64, prior: &Prior) -> Result<Transform> {
     let found = pose::solve_with(moments, Solver::Arun, ScaleEstimate::Fixed, prior)?.transform;
     if scale == 1.0 {

@@ -1,4 +1,4 @@
-//! Who is connected to whom: the sparse W of ICP.
+//! Pairs of source and target points: the sparse W of ICP.
 
 use super::Icp;
 use crate::error::Result;
@@ -8,8 +8,8 @@ use crate::par;
 use crate::search::{Neighbor, SearchTree};
 use crate::weight::{KernelVisitor, WeightKernel};
 
-/// The pairs of the moved source, in the order of its points, and the mean of their
-/// squared distances (weighted, in the target's unit; NaN without weight).
+/// Returns the pairs of the moved source, in the order of its points, and the mean of their squared
+/// distances (weighted, in the target's unit; NaN without weight).
 pub(super) fn find_pairs(
     icp: &Icp,
     positions: &PositionProblem<'_>,
@@ -29,7 +29,7 @@ pub(super) fn find_pairs(
         chosen.truncate(count);
         chosen.sort_unstable();
     }
-    // Without unit: the kernel's bandwidth is then 1.
+    // Distances in bandwidths: the kernel's own bandwidth is then 1.
     let bandwidth = icp.bandwidth.unwrap_or(1.0);
     let squares: Vec<f64> =
         chosen.iter().map(|&i| f64::from(nearest[i].squared_distance)).collect();
@@ -48,7 +48,7 @@ pub(super) fn find_pairs(
     Ok((pairs, error / weights.iter().sum::<f64>()))
 }
 
-/// Those of `chosen` whose target point has no nearer source point. Equal distances
+/// Keeps the pairs of `chosen` whose target point has no nearer source point. Equal distances
 /// (duplicates) count as mutual.
 fn keep_reciprocal(
     positions: &PositionProblem<'_>,

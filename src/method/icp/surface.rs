@@ -18,20 +18,21 @@ use crate::par;
 use crate::search::{Neighborhood, Neighbors};
 use crate::surface::NormalEquations;
 
-/// Variance of a disc along its normal; 1 within it (Segal et al., section III-C).
+/// Variance of a disc along its normal; 1 in its plane (Segal et al., section III-C).
 const NORMAL_VARIANCE: f64 = 1e-3;
-/// Share of the mean curvature added to every direction: what only rounding holds stays.
+/// Share of the mean curvature added to every direction: directions constrained only by rounding do
+/// not move.
 const DAMPING: f64 = 1e-9;
 const BLOCK: usize = 1024;
 
 /// Normals of the clouds, zero where a neighbourhood has no plane.
 pub(super) struct SurfaceProblem {
     metric: Metric,
-    /// The target's for point-to-plane, which does not look at them.
+    /// The target's for point-to-plane, which does not use the source's normals.
     source: Arc<CloudNormals>,
     target: Arc<CloudNormals>,
-    /// What motions are about, and the length they are measured in: rotation and
-    /// translation then weigh alike, and no tolerance has a unit.
+    /// Centre of motions, and their unit of length: rotation and translation then weigh equally,
+    /// and no tolerance has a unit.
     center: Vec3,
     unit: f64,
 }
@@ -39,7 +40,7 @@ pub(super) struct SurfaceProblem {
 /// Unit normals of a cloud, zero where undefined.
 struct CloudNormals(Vec<[f32; 3]>);
 
-/// Key of normals by so many neighbours.
+/// Key of normals by their number of neighbours.
 #[derive(PartialEq)]
 struct NormalsKey(usize);
 
@@ -85,12 +86,12 @@ impl SurfaceProblem {
         Ok(SurfaceProblem { metric, source, target, center, unit })
     }
 
-    /// The pose after one damped step from `pose`; `pose` itself where none is better.
+    /// Returns the pose after one damped step from `pose`; `pose` itself if no step is better.
     ///
     /// # Errors
     /// [`Error::NoWeight`] when no pair has a surface.
     pub(super) fn gauss_newton_step(&self, on: PairSet<'_>, pose: &Transform) -> Result<Transform> {
-        // M is kept during a step, as in small_gicp: it changes little with R.
+        // M is constant during a step, as in small_gicp: it changes little with R.
         let information = self.information_matrices(on, pose);
         let system = self.normal_equations(on, pose, &information);
         let mean = system.mean_curvature();
@@ -110,9 +111,9 @@ impl SurfaceProblem {
         Ok(*pose)
     }
 
-    /// Least pivot of the point-to-plane curvature over its mean: how firmly the surfaces
-    /// hold the pose in the direction in which they hold it least. About 0 for a plane or
-    /// a sphere, along which the clouds slide.
+    /// Returns the smallest pivot of the point-to-plane curvature over its mean: how well the
+    /// surfaces constrain the least constrained direction of the pose. About 0 for a plane or a
+    /// sphere, along which the clouds slide.
     pub(super) fn min_pivot(&self, on: PairSet<'_>, pose: &Transform) -> f64 {
         let normal = |pair: &WeightedPair| self.normal(pair);
         let information: Vec<Mat3> =
@@ -124,7 +125,7 @@ impl SurfaceProblem {
         self.target.0[pair.target as usize].map(f64::from)
     }
 
-    /// M of every pair; zero where a surface is missing.
+    /// Returns M of every pair; zero if a surface is missing.
     fn information_matrices(&self, on: PairSet<'_>, pose: &Transform) -> Vec<Mat3> {
         par::map(
             on.pairs.len(),
@@ -144,7 +145,7 @@ impl SurfaceProblem {
         )
     }
 
-    /// e and T p, both in units, T p about the center.
+    /// Returns e and T p, both in units, T p about the center.
     fn residual(&self, on: PairSet<'_>, pair: &WeightedPair, pose: &Transform) -> (Vec3, Vec3) {
         let local = |x: Vec3| math::scaled(math::sub(x, self.center), 1.0 / self.unit);
         let moved = local(pose.apply(on.source.position(pair.source as usize)));
@@ -192,7 +193,7 @@ impl SurfaceProblem {
         })
     }
 
-    /// `pose`, then the motion (rotation vector, translation in units) about the center.
+    /// Applies `pose`, then the motion (rotation vector, translation in units) about the center.
     fn apply_twist(&self, pose: &Transform, motion: Vec6) -> Transform {
         let [a, b, c, x, y, z] = motion;
         let turn = Transform::from_rotation_vector([a, b, c]);
@@ -204,7 +205,7 @@ impl SurfaceProblem {
     }
 }
 
-/// Covariance of a disc with unit normal `n`: I − (1 − ε) n nᵀ.
+/// Returns the covariance of a disc with unit normal `n`: I − (1 − ε) n nᵀ.
 fn disc_covariance(n: Vec3) -> Mat3 {
     let flat = math::outer(n, math::scaled(n, 1.0 - NORMAL_VARIANCE));
     math::mat_sub(&math::IDENTITY, &flat)
@@ -214,7 +215,7 @@ fn add_matrices(a: &Mat3, b: &Mat3) -> Mat3 {
     [0, 1, 2].map(|i| math::add(a[i], b[i]))
 }
 
-/// Of a symmetric, positive definite matrix: cofactors over the determinant.
+/// Inverts a symmetric, positive definite matrix: cofactors over the determinant.
 fn invert_symmetric(m: &Mat3) -> Mat3 {
     let cofactors = [math::cross(m[1], m[2]), math::cross(m[2], m[0]), math::cross(m[0], m[1])];
     cofactors.map(|row| math::scaled(row, 1.0 / math::determinant(m)))

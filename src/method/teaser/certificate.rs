@@ -1,18 +1,18 @@
-//! How much better than the rotation found any other can be.
+//! Bound on how much better than the rotation found any other rotation can be.
 //!
-//! With lengths in bounds, truncated least squares Σₖ min(‖bₖ − R aₖ‖², 1) is a quadratic
-//! form xᵀ Q x of x = [q, θ₁q, …, θ_K q]: q the quaternion of R and θₖ = ±1 for kept and
-//! cut (TEASER's binary cloning). Such x obey qₖqₖᵀ = qqᵀ, and qᵢqⱼᵀ is symmetric: forms Λ
-//! whose diagonal blocks sum to zero and whose other blocks are skew vanish on them. As
-//! ‖x‖² = K + 1, no rotation costs less than μ + (K + 1) min(0, λ_min(Q − μJ − Λ)), where
-//! J is 1 on the first block: the weak duality of the paper's optimality certification.
-//! The rotation is the best where a Λ makes that μ its own cost.
+//! With residuals in units of their bounds, truncated least squares Σₖ min(‖bₖ − R aₖ‖², 1) is a
+//! quadratic form xᵀ Q x of x = [q, θ₁q, …, θ_K q]: q the quaternion of R and θₖ = ±1 for kept and
+//! truncated (TEASER's binary cloning). For these x, qₖqₖᵀ = qqᵀ, and qᵢqⱼᵀ is symmetric: forms Λ
+//! whose diagonal blocks sum to zero and whose other blocks are skew vanish on them. As ‖x‖² = K +
+//! 1, no rotation costs less than μ + (K + 1) min(0, λ_min(Q − μJ − Λ)), where J is 1 on the first
+//! block: the weak duality of the paper's optimality certification. The rotation is optimal if a Λ
+//! makes that μ its own cost.
 //!
-//! Λ is found by Douglas-Rachford splitting between the positive semidefinite matrices and
-//! those of the form Q − μJ − Λ, as in TEASER++. Everything is written about R (a and Rᵀb
-//! for a and b, and θₖqₖ for qₖ), which makes x = [e, …, e] with e = (1, 0, 0, 0): then the
-//! nearest matrix of that form that also has x in its kernel, as the optimal one must, is
-//! known in closed form, and no system is to be solved.
+//! Λ is found by Douglas-Rachford splitting between the positive semidefinite matrices and those of
+//! the form Q − μJ − Λ, as in TEASER++. Everything is expressed relative to R (a and Rᵀb for a and
+//! b, and θₖqₖ for qₖ), which makes x = [e, …, e] with e = (1, 0, 0, 0): then the nearest matrix of
+//! that form that also has x in its kernel, as the optimal one must, has a closed form, without a
+//! linear system.
 
 use faer::{Mat, Side};
 
@@ -26,15 +26,15 @@ use crate::verify;
 
 /// Gap at which the splitting ends.
 const GAP_TOLERANCE: f64 = 1e-3;
-/// Most rounds; where the gap closes, 20 are usual.
+/// Most rounds; if the gap closes, 20 are usual.
 const MAX_ITERATIONS: u32 = 200;
-/// Step of the splitting, below 2.
+/// Step of the splitting, below 2. Chosen by hand.
 const RELAXATION: f64 = 1.99;
-/// Cost a difference below which it is rounding.
+/// Cost per difference below which it is rounding.
 const MIN_COST: f64 = 1e-6;
 
-/// The certificate of b ≈ R a truncated at `bound`; `None` where the measurements leave
-/// the rotation open.
+/// Returns the certificate of b ≈ R a truncated at `bound`; `None` if the rotation is unconstrained
+/// by the measurements.
 pub(super) fn certify(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
@@ -52,7 +52,7 @@ pub(super) fn certify(
     Some(Certificate { gap, rotation_deg, differences: measurements.len(), iterations })
 }
 
-/// A rotation that is the least-squares one of the measurements within its bound of 1, and
+/// Returns a rotation that is the least-squares one of the measurements within its bound of 1, and
 /// its truncated cost.
 fn minimize_truncated_cost(
     measurements: &[(Vec3, Vec3)],
@@ -61,7 +61,7 @@ fn minimize_truncated_cost(
     let (rounds, _) = rotation::estimate_rotation(measurements, 1.0, schedule, &Prior::default())?;
     let mut rotation = rounds.last().map_or(math::IDENTITY, |round| round.rotation);
     let mut weights = Vec::new();
-    // Every pass lowers the cost, so that it ends; a limit all the same.
+    // Every pass lowers the cost, so that the loop ends; a limit all the same.
     for _ in 0..100 {
         let kept: Vec<f64> = squared_residuals(measurements, &rotation)
             .map(|r| if r <= 1.0 { 1.0 } else { 0.0 })
@@ -75,7 +75,7 @@ fn minimize_truncated_cost(
     Ok((rotation, squared_residuals(measurements, &rotation).map(|r| r.min(1.0)).sum()))
 }
 
-/// Squared residuals.
+/// Returns the squared residuals.
 fn squared_residuals<'a>(
     measurements: &'a [(Vec3, Vec3)],
     rotation: &'a Mat3,
@@ -95,7 +95,7 @@ struct DualProblem {
     first_row_blocks: Vec<Block>,
     /// Sum of the diagonal blocks.
     diagonal_sum: Block,
-    /// Where the splitting starts.
+    /// Initial matrix of the splitting.
     initial: Mat<f64>,
 }
 
@@ -119,8 +119,8 @@ impl DualProblem {
             let tie =
                 combine_blocks(&identity((squares - 1.0) / 2.0), &form, |x, p| sign * (x - p));
             let own = combine_blocks(&identity((squares + 1.0) / 2.0), &form, |x, p| x - p);
-            // Half of what the measurement has beyond its share of the cost stays with it,
-            // half goes to the first block: both then carry the tie between them.
+            // Half of the measurement's excess over its share of the cost remains with it, half
+            // goes to the first block: both then have equal parts of their coupling.
             let mut half = combine_blocks(&own, &identity(r.min(1.0)), |x, p| (x - p) / 2.0);
             for r in 0..4 {
                 (half[r][0], half[0][r]) = (-tie[r][0], -tie[r][0]);
@@ -140,8 +140,8 @@ impl DualProblem {
         DualProblem { cost, first_row_blocks: ties, diagonal_sum: sum, initial: start }
     }
 
-    /// The least gap found and the rounds it took; `None` when the eigenvalues of a round
-    /// did not come out.
+    /// Returns the smallest gap found and the number of rounds; `None` if an eigendecomposition
+    /// failed.
     fn minimize_gap(self) -> Option<(f64, u32)> {
         let n = self.first_row_blocks.len() as f64;
         let size = self.cost.max(MIN_COST * (n - 1.0));
@@ -165,15 +165,15 @@ impl DualProblem {
         Some((gap, MAX_ITERATIONS))
     }
 
-    /// The nearest matrix to the symmetric `x` of the form Q − μJ − Λ with [e, …, e] in its
-    /// kernel.
+    /// Projects the symmetric `x` to the nearest matrix of the form Q − μJ − Λ with [e, …, e] in
+    /// its kernel.
     fn project_to_dual(&self, x: &mut Mat<f64>) {
         let n = self.first_row_blocks.len();
         let mut excess = self.diagonal_sum;
         for (i, (r, c)) in (0..n).flat_map(|i| block_entries().map(move |at| (i, at))) {
             excess[r][c] -= x[(4 * i + r, 4 * i + c)];
         }
-        // How far each block row is from sending [e, …, e] to zero.
+        // Residual of each block row: its product with [e, …, e], which shall be zero.
         let mut rest = vec![[0.0; 4]; n];
         for i in 0..n {
             for (r, c) in block_entries() {
@@ -190,7 +190,7 @@ impl DualProblem {
                 (0..4).for_each(|r| rest[j][r] += x[(4 * j + r, 4 * i)]);
             }
         }
-        // They sum to zero where the rotation is a least-squares one, but for rounding.
+        // They sum to zero if the rotation is a least-squares one, except for rounding.
         let mean = [0, 1, 2, 3].map(|r| rest.iter().map(|row| row[r]).sum::<f64>() / n as f64);
         let weight = n as f64 / 4.0 + 0.5;
         for row in &mut rest {
@@ -222,7 +222,7 @@ fn combine_blocks(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block
     [0, 1, 2, 3].map(|r| [0, 1, 2, 3].map(|c| with(a[r][c], b[r][c])))
 }
 
-/// Block (i, j) combined with its transpose.
+/// Combines block (i, j) with its transpose.
 fn combine_with_transpose(
     x: &Mat<f64>,
     i: usize,
@@ -239,7 +239,7 @@ fn set_symmetric(x: &mut Mat<f64>, (row, column): (usize, usize), value: f64) {
     x[(column, row)] = value;
 }
 
-/// The nearest positive semidefinite matrix.
+/// Returns the nearest positive semidefinite matrix.
 fn project_to_psd(x: &Mat<f64>) -> Option<Mat<f64>> {
     let eigen = x.self_adjoint_eigen(Side::Lower).ok()?;
     let n = x.nrows();
@@ -258,7 +258,7 @@ mod tests {
     const SCHEDULE: GncOptions =
         GncOptions { factor: 1.4, cost_threshold: 0.005, max_iterations: 1000 };
 
-    /// Unit vectors under a rotation, the first `wrong` of them anywhere; all off by up to
+    /// Returns unit vectors under a rotation, the first `wrong` of them random; all off by up to
     /// `noise` along each axis.
     fn measurements(count: usize, wrong: usize, noise: f64, seed: u64) -> Vec<(Vec3, Vec3)> {
         let truth = Transform::from_rotation_vector([0.5, -1.0, 2.0]);
@@ -295,12 +295,12 @@ mod tests {
             let worse = math::mat_mul(&best, &turn);
             let found: f64 = squared_residuals(&measurements, &worse).map(|r| r.min(1.0)).sum();
             let (gap, _) = DualProblem::new(&measurements, &worse, found).minimize_gap().unwrap();
-            // The bound is one: no larger than what the best rotation saves.
+            // The bound is valid: no larger than the saving of the best rotation.
             assert!(gap >= 1.0 - cost / found, "{angle}: {gap} {cost} {found}");
         }
     }
 
-    /// The lower bound holds for what enumeration finds: every rotation of a fine grid.
+    /// The lower bound holds for an enumeration: every rotation of a fine grid.
     #[test]
     fn no_rotation_beats_the_bound() {
         for seed in 0..4 {
@@ -340,7 +340,7 @@ mod tests {
         let kernel: f64 =
             (0..n).map(|i| (0..n / 4).map(|j| a[(i, 4 * j)]).sum::<f64>().abs()).sum();
         assert!(kernel < 1e-9, "{kernel}");
-        // A second time changes nothing, and what was taken off is square to the set.
+        // A second projection changes nothing, and the removed part is orthogonal to the set.
         let again = project(&a);
         assert!((&again - &a).norm_l2() < 1e-12);
         let product: f64 = (0..n)

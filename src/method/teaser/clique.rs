@@ -1,14 +1,13 @@
 //! The largest clique, by branch and bound.
 //!
-//! As in PMC (Rossi, Gleich and Gebremedhin 2015): a greedy clique along the k-cores is the
-//! first bound; then each vertex in order of degeneracy is searched with its later
-//! neighbours only, pruned by the number of colours (Tomita and Kameda 2007) on rows of
-//! bits.
+//! As in PMC (Rossi, Gleich and Gebremedhin 2015): a greedy clique along the k-cores is the first
+//! bound; then each vertex in order of degeneracy is searched with its later neighbours only,
+//! pruned by the number of colours (Tomita and Kameda 2007) on rows of bits.
 
 use crate::method::compatibility_graph::{CompatibilityGraph, count_set_bits, set_bits};
 use crate::par;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Clique {
     /// Vertices, ascending.
@@ -17,8 +16,8 @@ pub(super) struct Clique {
     pub(super) proved: bool,
 }
 
-/// The largest clique of `graph`. The search touches about `steps` words of bits at most,
-/// a limit that is the same on every machine.
+/// Finds the largest clique of `graph`. The search reads at most about `steps` words of bits, a
+/// limit that is the same on every machine.
 pub(super) fn find_maximum_clique(graph: &CompatibilityGraph, steps: u64) -> Clique {
     let (order, cores) = degeneracy_order(graph);
     let mut best = find_greedy_clique(graph, &order, &cores);
@@ -66,9 +65,9 @@ fn first_bits(len: usize, words: usize) -> Vec<u64> {
     bits
 }
 
-/// Vertices from the outermost k-core inwards, and each one's core number: the greatest k
-/// such that it is in a subgraph whose degrees are all at least k (Batagelj and Zaversnik
-/// 2003). A clique of c vertices lies within the core of c − 1.
+/// Returns vertices from the outermost k-core inwards, and each one's core number: the greatest k
+/// for which it is in a subgraph whose degrees are all at least k (Batagelj and Zaversnik 2003). A
+/// clique of c vertices is within the core of c − 1.
 fn degeneracy_order(graph: &CompatibilityGraph) -> (Vec<usize>, Vec<usize>) {
     let n = graph.len();
     let mut degrees: Vec<usize> = (0..n).map(|v| graph.degree(v)).collect();
@@ -99,7 +98,7 @@ fn degeneracy_order(graph: &CompatibilityGraph) -> (Vec<usize>, Vec<usize>) {
     (order, cores)
 }
 
-/// The best of one greedy clique a vertex: always the candidate of the highest core next.
+/// Finds the best of one greedy clique per vertex: always the candidate of the highest core next.
 fn find_greedy_clique(graph: &CompatibilityGraph, order: &[usize], cores: &[usize]) -> Vec<usize> {
     let mut best: Vec<usize> = order.last().copied().into_iter().collect();
     for &v in order.iter().rev().filter(|&&v| cores[v] > 0).take(MAX_GREEDY_STARTS) {
@@ -123,7 +122,7 @@ fn find_greedy_clique(graph: &CompatibilityGraph, order: &[usize], cores: &[usiz
     best
 }
 
-/// Vertices that a greedy clique is grown from.
+/// Vertices from which a greedy clique is grown. Chosen by hand.
 const MAX_GREEDY_STARTS: usize = 1000;
 
 struct CliqueSearch<'a> {
@@ -131,20 +130,19 @@ struct CliqueSearch<'a> {
     remaining_steps: u64,
     clique: Vec<usize>,
     best: Vec<usize>,
-    /// Only larger cliques are of interest.
+    /// Only larger cliques are relevant.
     bound: usize,
 }
 
 impl CliqueSearch<'_> {
-    /// Searches the cliques of `chosen` and any of `candidates`; false when the steps ran
-    /// out.
+    /// Searches the cliques of `chosen` and any of `candidates`; false if the steps ran out.
     fn expand(&mut self, mut candidates: Vec<u64>) -> bool {
         if self.remaining_steps == 0 {
             return false;
         }
         par::checkpoint();
         let (vertices, colors) = self.color_vertices(&candidates);
-        // The last colours first; those before are too few once one is.
+        // The last colours first; as soon as one has too few, all before it do.
         for (&v, &color) in vertices.iter().zip(&colors).rev() {
             if self.clique.len() + color <= self.bound {
                 return true;
@@ -175,7 +173,7 @@ impl CliqueSearch<'_> {
         while vertices.len() < size {
             color += 1;
             let mut free = uncolored.clone();
-            // A vertex only shuts out later ones, so one walk over the words is enough.
+            // A vertex only excludes later ones, so one pass over the words is enough.
             for at in 0..free.len() {
                 while free[at] != 0 {
                     let v = 64 * at + free[at].trailing_zeros() as usize;
@@ -229,7 +227,7 @@ mod tests {
         }
     }
 
-    /// A fixed scramble of pairs into [0, 1).
+    /// Hashes pairs into [0, 1), deterministically.
     fn noise(i: usize, j: usize) -> f64 {
         let seed = (i.max(j) * 7919 + i.min(j)) as u64;
         let mixed = (seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15);

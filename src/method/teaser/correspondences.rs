@@ -1,9 +1,9 @@
-//! Matches, and the differences between them that no translation changes.
+//! Correspondences, and their differences, which no translation changes.
 
 use crate::math::{self, Vec3};
 use crate::moments::{FullConnection, Moments};
 
-/// Points that may correspond: `source[k]` to `target[k]`, each about its own origin.
+/// Putative correspondences: `source[k]` to `target[k]`, each about its own origin.
 #[derive(Debug, Clone)]
 pub(super) struct CenteredCorrespondences {
     source_origin: Vec3,
@@ -12,8 +12,8 @@ pub(super) struct CenteredCorrespondences {
     pub(super) target: Vec<Vec3>,
 }
 
-/// Pairs of points that are each other's nearest by descriptor, or, without the check, every
-/// source point with its nearest target point.
+/// Returns mutual nearest neighbours by descriptor, or, without the check, every source point with
+/// its nearest target point.
 pub(in crate::method) fn match_features(
     connection: &FullConnection,
     cross_check: bool,
@@ -25,7 +25,7 @@ pub(in crate::method) fn match_features(
 }
 
 impl CenteredCorrespondences {
-    /// Of points relative to `origins`, taken about the centroids of the matched ones.
+    /// Builds them from points relative to `origins`, about the centroids of the points in `pairs`.
     pub(super) fn new(
         pairs: &[(u32, u32)],
         [source, target]: [&[[f32; 3]]; 2],
@@ -49,7 +49,7 @@ impl CenteredCorrespondences {
         self.source.len()
     }
 
-    /// The matches named, in that order.
+    /// Returns the given correspondences, in that order.
     pub(super) fn select(&self, indices: &[usize]) -> CenteredCorrespondences {
         CenteredCorrespondences {
             source: indices.iter().map(|&k| self.source[k]).collect(),
@@ -58,9 +58,9 @@ impl CenteredCorrespondences {
         }
     }
 
-    /// Translation-invariant measurements: differences (aₖₗ, bₖₗ) between each match k and
-    /// the next ones in a ring, as many as `most` allows; all pairs of matches when they
-    /// are no more than that.
+    /// Returns translation-invariant measurements: differences (aₖₗ, bₖₗ) between each
+    /// correspondence k and the next ones in a ring, at most `most`; all pairs of correspondences
+    /// if there are no more than that.
     pub(super) fn pairwise_differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
         let n = self.len();
         let between = |k: usize, l: usize| {
@@ -79,7 +79,8 @@ impl CenteredCorrespondences {
             .collect()
     }
 
-    /// `most` differences at most: of matches spread evenly over the list where it has more.
+    /// Returns at most `most` differences: of correspondences spread evenly over the list if it has
+    /// more.
     pub(super) fn subsampled_differences(&self, most: usize) -> Vec<(Vec3, Vec3)> {
         if self.len() <= most {
             return self.pairwise_differences(most);
@@ -88,20 +89,20 @@ impl CenteredCorrespondences {
         self.select(&spread).pairwise_differences(most)
     }
 
-    /// Whether matches `k` and `l` are as far apart in the target as in the source, times
-    /// `scale`, to within `bound`.
+    /// Returns whether correspondences `k` and `l` are as far apart in the target as in the source,
+    /// times `scale`, to within `bound`.
     pub(super) fn are_consistent(&self, k: usize, l: usize, scale: f64, bound: f64) -> bool {
         let a = math::norm(math::sub(self.source[l], self.source[k]));
         let b = math::norm(math::sub(self.target[l], self.target[k]));
         (b - scale * a).abs() <= bound
     }
 
-    /// Origins of the source and of the target points.
+    /// Returns the origins of the source and of the target points.
     pub(super) fn origins(&self) -> (Vec3, Vec3) {
         (self.source_origin, self.target_origin)
     }
 
-    /// Moments of all matches, each with weight 1.
+    /// Returns the moments of all correspondences, each with weight 1.
     pub(super) fn moments(&self) -> Moments {
         let mut moments = Moments::about(self.source_origin, self.target_origin);
         self.source.iter().zip(&self.target).for_each(|(&p, &q)| moments.add_pair(1.0, p, q));

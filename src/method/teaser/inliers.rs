@@ -1,17 +1,17 @@
-//! Which matches agree with a pose, and how many chance alone would bring together.
+//! Inliers of a pose, and the number that chance alone would produce.
 
 use super::correspondences::CenteredCorrespondences;
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 
-/// Fewest inliers that are believed, whatever chance is: three fix a pose, a fourth and a
+/// Fewest inliers of a trusted pose, for any chance level: three determine a pose, a fourth and a
 /// fifth confirm it.
 const MIN_INLIERS: usize = 5;
 
-/// Differences that chance is measured on, on either side.
+/// Most differences for the chance level, on either side. Chosen by hand.
 const MAX_CHANCE_DIFFERENCES: usize = 125_000;
 
-/// Fewest inliers that are believed.
+/// Returns the fewest inliers of a trusted pose.
 pub(super) fn min_inliers(
     matches: &CenteredCorrespondences,
     scale: f64,
@@ -21,15 +21,15 @@ pub(super) fn min_inliers(
         .max(MIN_INLIERS)
 }
 
-/// Share of the pairs of a source and a target distance, of no matter which matches, that
-/// agree: how often wrong matches are consistent, however many are right.
+/// Returns the share of consistent pairs of a source and a target distance, from any
+/// correspondences: how often wrong correspondences are consistent, however many are correct.
 fn chance_consistency(matches: &CenteredCorrespondences, scale: f64, difference_bound: f64) -> f64 {
     let lengths = |(a, b): (Vec3, Vec3)| (scale * math::norm(a), math::norm(b));
     let (mut there, mut here): (Vec<f64>, Vec<f64>) =
         matches.pairwise_differences(MAX_CHANCE_DIFFERENCES).into_iter().map(lengths).unzip();
     there.sort_unstable_by(f64::total_cmp);
     here.sort_unstable_by(f64::total_cmp);
-    // Both ends of the window only go up.
+    // Both ends of the window only grow.
     let (mut low, mut high, mut agreeing) = (0, 0, 0);
     for length in &there {
         while here.get(low).is_some_and(|x| *x < length - difference_bound) {
@@ -43,7 +43,7 @@ fn chance_consistency(matches: &CenteredCorrespondences, scale: f64, difference_
     agreeing as f64 / (there.len() * here.len()).max(1) as f64
 }
 
-/// Matches whose error is within the bound along every axis.
+/// Returns the correspondences whose error is within the bound along every axis.
 pub(super) fn find_inliers(
     matches: &CenteredCorrespondences,
     transform: &Transform,
@@ -59,12 +59,12 @@ pub(super) fn find_inliers(
     (0..matches.len()).filter(within).collect()
 }
 
-/// Size from which a set of consistent matches is hardly chance, of `matches` of whose
-/// pairs the share `density` is consistent.
+/// Returns the size from which a set of consistent correspondences is hardly chance, if the share
+/// `density` of the pairs of `matches` correspondences is consistent.
 ///
-/// k points in space have 3k − 6 independent distances, so that chance makes about
-/// C(n, k) density^(3k − 6) sets of k consistent. The least k beyond the crest of that
-/// number where it is below 1/100.
+/// k points in space have 3k − 6 independent distances, so that chance produces about C(n, k)
+/// density^(3k − 6) consistent sets of k. Returns the smallest k beyond the maximum of that number
+/// at which it is below 1/100.
 fn min_significant_size(matches: usize, density: f64) -> usize {
     let n = matches as f64;
     let mut logarithm = 0.0;

@@ -24,15 +24,15 @@ use crate::verify::{FitnessRule, Warning};
 use correspondences::CenteredCorrespondences;
 use rotation::{GncIteration, GncOptions};
 
-/// TEASER (Yang, Shi and Carlone 2021): matches by descriptor, the largest set of them that
+/// TEASER (Yang, Shi and Carlone 2021): correspondences by descriptor, the largest subset that
 /// keeps distances, then rotation and translation by truncated least squares.
 ///
 /// Stands most matches being wrong, without an initial guess. The answer is judged by how
 /// the clouds lie on each other, as every other; on request there is a [`Certificate`](super::Certificate) of
 /// the rotation too.
 ///
-/// Weights of points ([`PointCloud::with_weights`]): those of weight 0 have no match. How large
-/// other weights are makes no difference here: a match is consistent with others or not.
+/// Weights of points ([`PointCloud::with_weights`]): those of weight 0 have no correspondence. The
+/// size of other weights has no effect here: a correspondence is consistent with others or not.
 ///
 /// ```
 /// use cfreg::method::{Register, Teaser};
@@ -45,44 +45,43 @@ use rotation::{GncIteration, GncOptions};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Teaser {
-    /// How points are described.
+    /// Settings of the descriptors.
     #[serde(flatten)]
     pub features: FeatureConfig,
-    /// Whether a match must be nearest by descriptor both ways; default yes (the paper,
-    /// section IV-B). No gives more matches, most of them wrong.
+    /// Whether a correspondence must be nearest by descriptor both ways; default yes (the paper,
+    /// section IV-B). No gives more correspondences, most of them wrong.
     pub cross_check: bool,
-    /// Largest error β of a right match, in the target's unit, above 0. Default four
-    /// resolutions of the coarser cloud: the two points of a match are samples of one
-    /// surface, not one point. Lower it for matches that are exact, raise it when few
-    /// agree.
+    /// Largest error β of a correct correspondence, in the target's unit, above 0. Default four
+    /// resolutions of the coarser cloud: the two points of a correspondence are samples of one
+    /// surface, not one point. Lower it for exact correspondences, raise it when there are few
+    /// inliers.
     pub noise_bound: Option<f64>,
-    /// Whether the clouds may differ in scale; default no. The scale is then voted for by
+    /// Whether the clouds may differ in scale; default no. The scale is then estimated by voting on
     /// ratios of distances (TEASER's adaptive voting).
     pub estimate_scale: bool,
-    /// Factor of the control parameter from one solve to the next, above 1 to 100; default
-    /// 1.4 (the paper, section IV-B). Smaller follows the optimum more closely, in more
-    /// iterations.
+    /// Factor of the control parameter from one solve to the next, above 1 to 100; default 1.4 (the
+    /// paper, section IV-B). A smaller factor follows the optimum more closely, in more iterations.
     pub gnc_factor: f64,
-    /// Change of the rotation's cost at which it ends, in squared bounds, above 0; default
-    /// 0.005 (the paper, section IV-B).
+    /// Change of the rotation's cost at which the iterations end, in squared bounds, above 0;
+    /// default 0.005 (the paper, section IV-B).
     pub cost_threshold: f64,
     /// Most solves for the rotation, at least 1; default 1000 (the paper, section IV-B).
     pub max_iterations: u32,
-    /// Most steps of the search for the largest set of consistent matches, in thousands of
-    /// machine words, at least 1; default 5,000,000, about ten seconds. A count and not a
-    /// time, so that the answer is the same everywhere; when it is reached the best set so
-    /// far is taken, with a doubt.
+    /// Most steps of the search for the largest set of consistent correspondences, in thousands of
+    /// machine words, at least 1; default 5,000,000, about ten seconds. A count and not a time, so
+    /// that the result is the same on every machine; at the limit the best set so far is used, with
+    /// a warning.
     pub clique_steps: u64,
     /// Whether to bound how much better than the rotation found any other could be; default
     /// no. Takes seconds, where it fails half a minute, and changes nothing else: see [`Certificate`](super::Certificate).
     pub certify: bool,
-    /// What is known of the pose beforehand ([`Prior`]), its scale left out; default nothing. The
-    /// certificate is of the rotation alone: not together with it.
+    /// Constraints on the pose ([`Prior`]), except on its scale; default none. The certificate is
+    /// about the rotation alone: it cannot be combined with a prior.
     pub prior: Prior,
-    /// Whether to record every iteration of the rotation: its objective is the truncated
-    /// cost Σ w r²/(2β)² that `cost_threshold` is about.
+    /// Whether to record every iteration of the rotation: its objective is the truncated cost Σ w
+    /// r²/(2β)² to which `cost_threshold` applies.
     pub trace: bool,
-    /// Threads, 0 for all cores. Never changes the result.
+    /// Number of threads, 0 for all cores. Never changes the result.
     pub threads: usize,
 }
 
@@ -125,11 +124,11 @@ impl Default for Teaser {
 ///
 /// Robustness has the same points twice, which favours small bounds; scans do not.
 const NOISE_BOUND_RESOLUTIONS: f64 = 4.0;
-/// Most matches: their graph then takes 512 MB.
+/// Most correspondences: their graph then takes 512 MB.
 const MAX_CORRESPONDENCES: usize = 1 << 16;
-/// Most differences between matches that the rotation is solved from: all pairs of 500.
+/// Most differences between correspondences for the rotation: all pairs of 500. Chosen by hand.
 const MAX_ROTATION_DIFFERENCES: usize = 125_000;
-/// Most that a certificate is about: each makes its matrix four rows longer.
+/// Most differences of a certificate: each makes its matrix four rows longer.
 const MAX_CERTIFICATE_DIFFERENCES: usize = 100;
 
 impl Teaser {
@@ -163,13 +162,13 @@ impl Teaser {
         self.prior.validate_for(ScaleEstimate::Fixed)
     }
 
-    /// The pose from matches that are given: indices of a source and of a target point each.
+    /// Returns the pose from given correspondences: indices of a source and of a target point each.
     /// Descriptors are not computed.
     ///
     /// # Errors
-    /// [`Error::Shape`] for an index beyond its cloud, [`Error::TooFewPoints`] when fewer
-    /// than three matches are consistent, [`Error::Degenerate`] when those determine no
-    /// rotation, [`Error::Config`] for a setting out of range or too many matches.
+    /// [`Error::Shape`] for an index beyond its cloud, [`Error::TooFewPoints`] when fewer than
+    /// three correspondences are consistent, [`Error::Degenerate`] when those determine no
+    /// rotation, [`Error::Config`] for a setting out of range or too many correspondences.
     pub fn register_correspondences(
         &self,
         source: &PointCloud,
@@ -231,7 +230,7 @@ impl Teaser {
             return Err(Error::config("matches", matches.len(), rule));
         }
         let bound = self.resolve_noise_bound(source, target)?;
-        // Both points of a difference may be off.
+        // Both points of a difference may have the error.
         let difference_bound = 2.0 * bound;
         let scale = match self.estimate_scale {
             true => times.time("scale", || voting::vote_scale(matches, difference_bound))?,
@@ -267,12 +266,12 @@ impl Teaser {
         if inliers.len() < needed {
             doubts.push(Warning::FewInliers { found: inliers.len(), needed });
         }
-        // Without inliers the clique is what the pose rests on.
+        // Without inliers the pose is computed from the clique.
         let held = if inliers.is_empty() { kept.clone() } else { kept.select(&inliers) };
         let moments = held.moments();
         let singular_values = match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
             Ok(solution) => solution.singular_values,
-            // Too few inliers for a pose of their own: a doubt, for the clique had one.
+            // Too few inliers for a pose of their own: a warning, as the clique had a pose.
             Err(Error::Degenerate { singular_values, .. }) => singular_values,
             Err(error) => return Err(error),
         };
@@ -324,7 +323,7 @@ impl Teaser {
         }
     }
 
-    /// The noise bound in force.
+    /// Returns the noise bound in force.
     pub(super) fn resolve_noise_bound(
         &self,
         source: Cached<'_>,
@@ -357,7 +356,7 @@ impl Register for Teaser {
     }
 }
 
-/// Whether both points of a match have a weight above 0.
+/// Returns whether both points of a correspondence have a weight above 0.
 fn has_positive_weights(weights: [Option<&[f32]>; 2]) -> impl Fn(&(u32, u32)) -> bool {
     move |&(i, j)| {
         let [a, b] = weights;
@@ -372,7 +371,7 @@ fn check_count(found: usize, what: &str) -> Result<()> {
     Ok(())
 }
 
-/// Differences with their source side in the target's unit.
+/// Returns the differences with their source side in the target's unit.
 fn scale_differences(differences: Vec<(Vec3, Vec3)>, scale: f64) -> Vec<(Vec3, Vec3)> {
     differences.into_iter().map(|(a, b)| (math::scaled(a, scale), b)).collect()
 }

@@ -5,12 +5,12 @@ use crate::math::{self, Mat3, Vec3};
 use crate::moments::Moments;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 
-/// When the control parameter has done its work.
+/// Schedule of the control parameter, and when the iterations end.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GncOptions {
     /// μ is multiplied by this after every solve.
     pub(super) factor: f64,
-    /// Change of the cost, in squared bounds, at which it ends.
+    /// Change of the cost, in squared bounds, at which the iterations end.
     pub(super) cost_threshold: f64,
     pub(super) max_iterations: u32,
 }
@@ -19,23 +19,23 @@ pub(super) struct GncOptions {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct GncIteration {
     pub(super) rotation: Mat3,
-    /// Σ w r²/c² over the measurements, before this solve's weights were made anew.
+    /// Σ w r²/c² over the measurements, before this solve's weights were updated.
     pub(super) cost: f64,
     /// Σ w.
     pub(super) weight: f64,
 }
 
-/// Rounds of weights and solves for R in b ≈ R a, and whether they settled (else the last
-/// allowed one was reached).
+/// Returns the rounds of weights and solves for R in b ≈ R a, and whether they converged (else the
+/// last allowed one was reached).
 ///
-/// Graduated non-convexity with the weights of truncated least squares (Yang, Antonante,
-/// Tzoumas and Carlone 2020): with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for
-/// r² ≥ c² (μ+1)/μ, and (c/r) √(μ(μ+1)) − μ between. μ starts at
-/// c²/(2 r²_max − c²), where the cost is convex; ends when it is not positive, and when
-/// the measurements that still have a weight leave the rotation open.
+/// Graduated non-convexity with the weights of truncated least squares (Yang, Antonante, Tzoumas
+/// and Carlone 2020): with r = ‖b − R a‖ and the bound c, w is 1 for r² ≤ c² μ/(μ+1), 0 for r² ≥ c²
+/// (μ+1)/μ, and (c/r) √(μ(μ+1)) − μ between. μ starts at c²/(2 r²_max − c²), where the cost is
+/// convex; ends when it is not positive, and when the measurements that still have a weight leave
+/// the rotation unconstrained.
 ///
 /// # Errors
-/// Those of [`pose::solve`] where all measurements together leave the rotation open.
+/// Those of [`pose::solve`] if all measurements together leave the rotation unconstrained.
 pub(super) fn estimate_rotation(
     measurements: &[(Vec3, Vec3)],
     bound: f64,
@@ -49,7 +49,7 @@ pub(super) fn estimate_rotation(
     loop {
         let rotation = match solve_rotation(measurements, &weights, prior) {
             Ok(rotation) => rotation,
-            // Hardly any measurement agrees with another: the last rotation is as good.
+            // Hardly any measurement is consistent with another: the last rotation is as good.
             Err(Error::Degenerate { .. }) if !rounds.is_empty() => return Ok((rounds, true)),
             Err(error) => return Err(error),
         };
@@ -65,7 +65,7 @@ pub(super) fn estimate_rotation(
             None => {
                 let worst = residuals.iter().fold(0.0f64, |worst, &r| worst.max(r));
                 control = 1.0 / (2.0 * worst - 1.0);
-                // All within their bounds, by far: nothing to truncate.
+                // All well within their bounds: nothing to truncate.
                 if control <= 0.0 || !control.is_finite() {
                     return Ok((rounds, true));
                 }
@@ -83,7 +83,7 @@ pub(super) fn estimate_rotation(
     }
 }
 
-/// Weight of a residual whose square is `squared` bounds² at control parameter μ.
+/// Returns the weight of a residual whose square is `squared` bounds² at control parameter μ.
 fn tls_weight(squared: f64, control: f64) -> f64 {
     if squared <= control / (control + 1.0) {
         1.0
@@ -94,8 +94,8 @@ fn tls_weight(squared: f64, control: f64) -> f64 {
     }
 }
 
-/// Every measurement is counted with both signs, which makes the means zero: the rotation
-/// of differences knows no translation.
+/// Solves with every measurement counted with both signs, which makes the means zero: the rotation
+/// of differences is independent of the translation.
 pub(super) fn solve_rotation(
     measurements: &[(Vec3, Vec3)],
     weights: &[f64],
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn measurements_that_contradict_each_other_end_it() {
-        // Two that agree in one direction, and a third at an impossible angle to them.
+        // Two that are consistent in one direction, and a third at an impossible angle to them.
         let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         let measurements = [(x, x), (x, x), (y, [0.6, 0.8, 0.0])];
         let (rounds, settled) =
@@ -149,7 +149,7 @@ mod tests {
         };
         let measure = |i: usize| {
             let a = at(i, 0.7);
-            // A third points anywhere.
+            // A third have random directions.
             (a, if i.is_multiple_of(3) { at(i, 2.9) } else { truth.rotate(a) })
         };
         let measurements: Vec<_> = (0..90).map(measure).collect();

@@ -1,20 +1,20 @@
-//! Adaptive voting: the truncated least-squares estimate of one number, exactly; by it the scale,
-//! and the translation axis by axis.
+//! Adaptive voting: the exact truncated least-squares estimate of one number; used for the scale,
+//! and for the translation axis by axis.
 
 use super::correspondences::CenteredCorrespondences;
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
 use crate::math::{self, Mat3, Vec3};
 
-/// Most that the scale is voted for by: all pairs of 2000.
+/// Most differences that vote on the scale: all pairs of 2000. Chosen by hand.
 const MAX_SCALE_DIFFERENCES: usize = 2_000_000;
 
-/// The x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds
-/// αᵢ > 0 (TEASER's adaptive voting, with c̄ = 1); `None` without measurements.
+/// Returns the x that minimises Σ min((x − xᵢ)²/αᵢ², 1), for measurements `(xᵢ, αᵢ)` with bounds αᵢ
+/// > 0 (TEASER's adaptive voting, with c̄ = 1); `None` without measurements.
 ///
-/// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ:
-/// between two of them the best x is the weighted mean of that set, so that running sums
-/// over the sorted ends find the global optimum in O(n log n).
+/// The set of measurements within their bounds only changes at the 2n ends xᵢ ± αᵢ: between two of
+/// them the best x is the weighted mean of that set, so that running sums over the sorted ends find
+/// the global optimum in O(n log n).
 fn estimate_scalar_tls(measurements: &[(f64, f64)]) -> Option<f64> {
     // About one of them, so that squares keep their digits.
     let origin = measurements.first()?.0;
@@ -23,7 +23,7 @@ fn estimate_scalar_tls(measurements: &[(f64, f64)]) -> Option<f64> {
         ends.push((x - origin - bound, false, i));
         ends.push((x - origin + bound, true, i));
     }
-    // Intervals are closed: at equal places one begins before another ends.
+    // Intervals are closed: at equal positions one begins before another ends.
     ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let (mut count, mut sums) = (0usize, [0.0; 3]);
     let (mut least, mut best) = (f64::INFINITY, 0.0);
@@ -49,8 +49,8 @@ fn estimate_scalar_tls(measurements: &[(f64, f64)]) -> Option<f64> {
     Some(origin + best)
 }
 
-/// The scale by adaptive voting over ‖b‖/‖a‖, TEASER's measurements
-/// that neither translation nor rotation changes, with bounds 2β/‖a‖.
+/// Estimates the scale by adaptive voting over ‖b‖/‖a‖, TEASER's measurements that neither
+/// translation nor rotation changes, with bounds 2β/‖a‖.
 pub(super) fn vote_scale(matches: &CenteredCorrespondences, difference_bound: f64) -> Result<f64> {
     let ratio = |(a, b): (Vec3, Vec3)| {
         let length = math::norm(a);
@@ -64,7 +64,7 @@ pub(super) fn vote_scale(matches: &CenteredCorrespondences, difference_bound: f6
     }
 }
 
-/// The pose with this rotation, its translation voted for axis by axis (TEASER's
+/// Returns the pose with this rotation, its translation estimated by voting axis by axis (TEASER's
 /// component-wise translation estimation).
 pub(super) fn vote_translation(
     matches: &CenteredCorrespondences,
@@ -78,7 +78,7 @@ pub(super) fn vote_translation(
         let rests: Vec<(f64, f64)> = pairs.map(|(&p, q)| (q[a] - turn(p)[a], bound)).collect();
         estimate_scalar_tls(&rests).unwrap_or_default()
     };
-    // From the matches' origins back to the clouds' frames.
+    // From the correspondences' origins back to the clouds' frames.
     let (source_origin, target_origin) = matches.origins();
     let shift = math::add([0, 1, 2].map(axis), math::sub(target_origin, turn(source_origin)));
     Transform { rotation: *rotation, translation: shift, scale }
