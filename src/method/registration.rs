@@ -14,8 +14,8 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 
 /// A pose, what it rests on, and what speaks against it.
 ///
-/// Serialises to the object that `cfreg register --json` prints; the
-/// README has its fields.
+/// Serialises to the object that `cfreg register --json` prints; `docs/reference/output.md` has its
+/// fields.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
