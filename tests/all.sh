@@ -46,6 +46,11 @@ MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-p
 "$python" -m unittest discover tests/python
 (cd python-ref && "$python" -m reference.comparisons)
 
+step "manual"
+"$python" -m pip install --quiet --disable-pip-version-check -r docs/requirements.txt
+"$python" docs/cli_reference.py --check "${CARGO_TARGET_DIR:-target}/debug/cfreg"
+NO_MKDOCS_2_WARNING=1 "$python" -m mkdocs build --quiet --strict
+
 step "the methods beside their peers, in small"
 (cd python-ref && "$python" -m peers.methods --smoke)
 

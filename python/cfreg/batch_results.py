@@ -40,7 +40,7 @@ class BatchResult:
 
     `result["probability"]` is an array with one value a pair, `result[3]` the row of a pair as a
     dict, and rows come one after the other in a loop. Columns have the names of `cfreg batch`,
-    which the README explains; where a row has nothing, texts are None, truths False, counts -1
+    which docs/reference/output.md explains; where a row has nothing, texts are None, truths False, counts -1
     and numbers NaN.
 
     >>> import cfreg, numpy as np

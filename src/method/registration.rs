@@ -17,8 +17,8 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 
 /// A pose, the data behind it, and its warnings.
 ///
-/// Serialises to the object that `cfreg register --json` prints; the
-/// README has its fields.
+/// Serialises to the object that `cfreg register --json` prints; `docs/reference/output.md` has its
+/// fields.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.

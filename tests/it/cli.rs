@@ -336,23 +336,34 @@ fn clouds_are_converted_and_described() {
 }
 
 #[test]
-fn the_readmes_commands_run() {
-    let folder = tempfile::tempdir().unwrap();
-    let readme = include_str!("../../README.md");
-    let lines: Vec<&str> = readme.lines().filter_map(|line| line.strip_prefix("cfreg ")).collect();
-    assert!(lines.len() >= 6, "the README's command lines were not found");
-    // By another line of it, for shells.
+fn commands_of_the_readme_and_the_manual_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |page: &Path| std::fs::read_to_string(page).unwrap();
+    let entries = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
+    let mut pages: Vec<_> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "md")).collect();
+    pages.push(root.join("README.md"));
+    // By a line of the page on bulk, for shells.
     let pairs = "source,target\npair/source.pcd,pair/target.pcd\npair/target.pcd,pair/source.pcd\n";
-    assert!(readme.contains(&format!("printf '{}' > pairs.csv", pairs.escape_default())));
-    std::fs::write(folder.path().join("pairs.csv"), pairs).unwrap();
-    for line in lines {
-        let (line, file) = line.split_once(" > ").map_or((line, None), |(l, file)| (l, Some(file)));
-        let output = cfreg(folder.path(), line);
-        assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
-        if let Some(file) = file {
-            std::fs::write(folder.path().join(file), &output.stdout).unwrap();
+    let printed = format!("printf '{}' > pairs.csv", pairs.escape_default());
+    assert!(read(&root.join("docs/bulk.md")).contains(&printed));
+    let mut commands = 0;
+    for page in pages {
+        let folder = demo();
+        std::fs::write(folder.path().join("pairs.csv"), pairs).unwrap();
+        for line in read(&page).lines().filter_map(|line| line.strip_prefix("cfreg ")) {
+            let line = line.split(" #").next().unwrap();
+            let (line, file) =
+                line.split_once(" > ").map_or((line, None), |(l, file)| (l, Some(file.trim())));
+            let output = cfreg(folder.path(), line);
+            assert_eq!(code(&output), 0, "{}: {line}: {}", page.display(), stderr(&output));
+            if let Some(file) = file {
+                std::fs::write(folder.path().join(file), &output.stdout).unwrap();
+            }
+            commands += 1;
         }
     }
+    assert!(commands > 25, "the commands of the pages were not found");
 }
 
 #[test]

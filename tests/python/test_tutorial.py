@@ -83,18 +83,18 @@ class Tutorial(unittest.TestCase):
         self.assertFalse((self.folder / "none").exists())
 
     @unittest.skipUnless(DATA.is_dir(), "the scans are not there")
-    def test_the_ten_lines_of_the_readme_print_what_it_says(self):
+    def test_the_ten_lines_of_the_manual_print_what_it_says(self):
         import matplotlib
 
-        readme = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-        [lines] = re.findall(r"```python\n(import cfreg, matplotlib.*?)```", readme, re.DOTALL)
+        page = (REPOSITORY / "docs/from_open3d.md").read_text(encoding="utf-8")
+        [lines] = re.findall(r"```python\n(import cfreg, matplotlib.*?)```", page, re.DOTALL)
         lines = lines.replace('"data/scans/', f'"{DATA.as_posix()}/stanford_bunny/')
         lines = lines.replace('"aligned.png"', repr(str(self.folder / "aligned.png")))
         names, told = {}, io.StringIO()
         with matplotlib.rc_context({"backend": "Agg"}), contextlib.redirect_stdout(told):
             exec(lines, names)
         self.shows_something("aligned.png")
-        [words] = re.findall(r"print\(found\) +# (accept, .*), \.\.\.", readme)
+        [words] = re.findall(r"print\(found\) +# (accept, .*), \.\.\.", page)
         self.assertIn(f"({words}, ", told.getvalue())
         with open(DATA / "pairs.csv") as file:
             pairs = csv.DictReader(line for line in file if not line.startswith("#"))
@@ -103,7 +103,7 @@ class Tutorial(unittest.TestCase):
         truth = [[float(pair[f"t{i}{j}"]) for j in range(4)] for i in range(4)]
         clouds = names["source"], names["target"]
         error = cfreg.evaluate(*clouds, names["found"].transform, truth=truth).truth
-        [off] = re.findall(r"the same pose \((\S+) degrees off, as here;", readme)
+        [off] = re.findall(r"the same pose\s+\((\S+) degrees off, as here;", page)
         self.assertEqual(f"{error.rotation_deg:.2f}", off)
 
 
