@@ -11,7 +11,7 @@ use cfreg::verify::PoseError;
 /// Settings of the test.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Settings {
-    /// Pairs that are registered; default 100.
+    /// Number of registered pairs; default 100.
     pub trials: usize,
     /// Points drawn from the model for each cloud of a pair; default 500.
     pub points: usize,
@@ -27,36 +27,36 @@ impl Default for Settings {
     }
 }
 
-/// What came of the trials.
+/// Results of the trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// The settings.
     pub settings: Settings,
-    /// One error a trial, in order; `None` where there was no answer.
+    /// One error a trial, in order; `None` for a trial without a pose.
     pub errors: Vec<Option<PoseError>>,
-    /// Trials whose answer was not to be trusted.
+    /// Number of trials whose pose was reported as not trusted.
     pub doubted: usize,
 }
 
 impl Report {
-    /// Mean and standard deviation of `measure` over the trials that gave an answer.
+    /// Returns mean and standard deviation of `measure` over the trials with a pose.
     pub fn statistics(&self, measure: impl Fn(&PoseError) -> f64) -> (f64, f64) {
         let values: Vec<f64> = self.errors.iter().flatten().map(measure).collect();
         Spread::of(&values).map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
     }
 
-    /// Trials without an answer.
+    /// Returns the number of trials without a pose.
     pub fn failures(&self) -> usize {
         self.errors.iter().filter(|error| error.is_none()).count()
     }
 }
 
-/// Runs the test: both clouds of a pair are drawn from `model` independently, the target
-/// is moved, `method` finds the motion. `progress` is called after every trial.
+/// Runs the test: both clouds of a pair are sampled from `model` independently, the target is
+/// moved, `method` estimates the motion. `progress` is called after every trial.
 ///
 /// # Errors
-/// [`Error::Config`] for no trials or samples below three points, those of
-/// [`Model::sample`]. A trial without an answer is counted, not an error.
+/// [`Error::Config`] for no trials or samples below three points, the errors of [`Model::sample`].
+/// A trial without a pose is counted and is no error.
 pub fn run(
     model: &Model,
     method: &dyn Register,

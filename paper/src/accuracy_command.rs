@@ -16,11 +16,11 @@ use super::{print, progress};
 pub(super) struct Accuracy {
     /// Model to sample: a cloud of at least --points points
     model: PathBuf,
-    /// Sample the faces or the range grid of a PLY file evenly by area, as the paper does,
-    /// not its points
+    /// Sample the faces or the range grid of a PLY file uniformly by area, as the paper does, not
+    /// its points
     #[arg(long)]
     by_area: bool,
-    /// Registration method, as of `cfreg register`
+    /// Registration method, as for `cfreg register`
     #[arg(long, default_value = "cf")]
     method: String,
     /// A setting of the method, by its name in the `config` of `cfreg register --json`
@@ -45,7 +45,7 @@ pub(super) struct Accuracy {
 }
 
 impl Accuracy {
-    /// Runs the trials; false where none has an answer.
+    /// Runs the trials; returns false if none has a pose.
     pub(super) fn run(&self) -> Result<bool> {
         let mut method: Method = self.method.parse()?;
         for text in &self.set {

@@ -14,7 +14,7 @@ use cfreg_paper::study;
 
 #[derive(Args)]
 pub(super) struct Reproduce {
-    /// Folder for the results; a run that was cut short goes on from what is there [default:
+    /// Folder for the results; an interrupted run resumes from the results there [default:
     /// paper/results, with --smoke paper/smoke]
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -24,7 +24,7 @@ pub(super) struct Reproduce {
     /// Few trials, in a minute
     #[arg(long)]
     smoke: bool,
-    /// This part alone
+    /// Run this part only
     #[arg(long, value_name = "PART")]
     only: Option<Only>,
     /// Register nothing: write the pairs of Tables I and II to this folder, as arrays that
@@ -36,7 +36,7 @@ pub(super) struct Reproduce {
     threads: usize,
 }
 
-/// Parts by the names that are typed.
+/// Parts by their names on the command line.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Only {
     /// Noise (section IV-B)
@@ -45,7 +45,7 @@ enum Only {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
-    /// The tests by each choice that the paper leaves
+    /// The tests under each interpretation that the paper leaves open
     Readings,
     /// The study of weight schemes
     Weights,
@@ -54,7 +54,7 @@ enum Only {
 }
 
 impl Only {
-    /// The part of the paper; `None` for what is none.
+    /// Returns the part of the paper; `None` for other parts.
     fn part(self) -> Option<Part> {
         match self {
             Only::Sensitivity => Some(Part::Test(Test::Sensitivity)),
@@ -85,7 +85,7 @@ impl Reproduce {
         }
         if wanted(Only::Scaling) {
             match self.scaling(data, meter) {
-                // What is there has been run.
+                // The available models have been run.
                 Err(error) if self.only.is_none() && models::is_missing(&error) => {
                     complain(&[format!("scaling left out: {error}")]);
                 }
@@ -99,7 +99,7 @@ impl Reproduce {
         Options { data, output: self.output(), smoke: self.smoke, only }
     }
 
-    /// A check in small must not replace what took half an hour.
+    /// A smoke run must not replace results that took half an hour.
     fn output(&self) -> PathBuf {
         let usual = if self.smoke { "paper/smoke" } else { "paper/results" };
         self.output.clone().unwrap_or_else(|| usual.into())
@@ -139,7 +139,7 @@ impl Reproduce {
     }
 }
 
-/// Moves `bar` to how many parts of how many are done.
+/// Sets `bar` to the number of finished parts out of all parts.
 fn follow(bar: &ProgressBar) -> impl FnMut(usize, usize) {
     |done, all| {
         bar.set_length(all as u64);
@@ -147,7 +147,7 @@ fn follow(bar: &ProgressBar) -> impl FnMut(usize, usize) {
     }
 }
 
-/// Says what was left out.
+/// Reports the parts that were left out.
 fn complain(lines: &[String]) {
     for line in lines {
         say(&format!("cfreg: {line}\n"));

@@ -1,4 +1,4 @@
-//! One table of what the paper leaves open: each choice beside the printed figure.
+//! One table of the choices that the paper leaves open: each choice beside the printed figure.
 
 use std::fmt::Write;
 
@@ -10,10 +10,10 @@ use crate::protocol::Viewpoint;
 use crate::{Motion, Spread};
 use cfreg::keypoint::Sift;
 
-/// Where the range scans were made from, in their frame: in front, along z, metres.
+/// Position of the sensor of the range scans, in their frame: in front, along z, metres.
 const SENSOR: [f64; 3] = [0.0, 0.1, 1.0];
 
-/// A question, and the answers to it.
+/// An open choice and its options.
 struct Topic {
     title: &'static str,
     columns: Vec<Column>,
@@ -44,8 +44,8 @@ impl Row {
     }
 }
 
-/// All cells of the table: `trials` each; in `smoke` the first two
-/// rows of every topic, on the bunny, moved far.
+/// Returns all cells of the table with `trials` each; in `smoke` the first two rows of every topic,
+/// on the bunny, with the large motion.
 pub fn cells(trials: usize, smoke: bool) -> Vec<Cell> {
     let mut cells = Vec::new();
     for Topic { columns, rows, .. } in topics() {
@@ -59,7 +59,7 @@ pub fn cells(trials: usize, smoke: bool) -> Vec<Cell> {
     cells
 }
 
-/// The table as Markdown, of what there are results of.
+/// Formats the table of the available results as Markdown.
 pub fn markdown(results: &Results) -> String {
     let all: Vec<&Cell> =
         results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_some()).collect();
@@ -100,7 +100,7 @@ fn entry(results: &Results, row: &Row, column: Column) -> String {
     shown(&entry, " ± ")
 }
 
-/// Mean number of points that were described, over all trials of a row.
+/// Returns the mean number of points with a descriptor, over all trials of a row.
 fn described(results: &Results, row: &Row, columns: &[Column]) -> String {
     let of = |&column: &Column| results.get(&row.cell(column, 0).name());
     let records = columns.iter().filter_map(of).flat_map(|(_, trials)| &trials.records);
@@ -200,7 +200,7 @@ fn topics() -> Vec<Topic> {
             move |motion| Column { test: Test::Sensitivity, shape: Shape::Bunny, motion, noise };
         Motion::ALL.map(of)
     });
-    // Without DARE, which describes nothing and takes longest.
+    // Without DARE, which computes no descriptors and takes longest.
     let swift = Contender::ALL.into_iter().filter(|&contender| contender != Contender::Dare);
     let sampled = swift.flat_map(|contender| {
         [(Interpretation::Fitting, "surface"), (Interpretation::Points, "points")].map(
@@ -253,7 +253,7 @@ mod tests {
                 .iter()
                 .map(|row| row.cell(topic.columns[0], 1))
                 .map(|cell| {
-                    // What changes the points themselves shows in none of the others.
+                    // A change of the points themselves is visible in none of the other fields.
                     let points = cell.variation.filter(|v| matches!(v, Variation::Decimals(_)));
                     (cell.reading, cell.method(), cell.protocol(), cell.viewpoint(), points)
                 })

@@ -1,5 +1,5 @@
-//! The paper's experiments (section IV), run again: every trial as CSV, Tables I and II
-//! beside the printed ones, and what becomes of them by each choice that the paper leaves.
+//! Reproduction of the paper's experiments (section IV): every trial as CSV, Tables I and II beside
+//! the printed ones, and the effect of each choice that the paper leaves open.
 
 pub mod cell;
 pub mod interpretations;
@@ -23,26 +23,26 @@ use self::tables::Results;
 use crate::files;
 use cfreg::error::{Error, Result};
 
-/// What is run, and where it goes.
+/// Selection of experiments, and the output folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Folder of the scans ([`models::load`]).
     pub data: PathBuf,
-    /// Folder of the results; made if it is not there. Trials that are in it already, made by
-    /// the same settings, are not run again.
+    /// Folder of the results; created if missing. Existing trials with the same settings are not
+    /// run again.
     pub output: PathBuf,
     /// A few trials only, in a minute.
     pub smoke: bool,
-    /// This part alone.
+    /// Run this part only.
     pub only: Option<Part>,
 }
 
 /// A part of the experiments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// A test of section IV, as the paper has it.
+    /// A test of section IV, as in the paper.
     Test(Test),
-    /// The tests by each choice that the paper leaves ([`interpretations`]).
+    /// The tests under each interpretation that the paper leaves open ([`interpretations`]).
     Readings,
 }
 
@@ -55,26 +55,26 @@ impl Part {
     }
 }
 
-/// What came of the experiments.
+/// Results of the experiments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// All trials.
     pub results: Results,
-    /// A line for each model that was not there, and so was left out: which, and how to get it.
+    /// A line for each missing model, which was left out: its name, and how to get it.
     pub left_out: Vec<String>,
 }
 
-/// Trials of a cell in the tables, under noise and in the table of readings, and levels of
-/// noise.
+/// Returns the numbers of trials of a cell in the tables, under noise and in the table of
+/// interpretations, and the number of levels of noise.
 fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
     if smoke { (2, 1, 1, 2) } else { (100, 30, 30, 10) }
 }
 
-/// Runs the experiments; `progress` is told how many cells of how many are done. Models that
-/// are not there are left out.
+/// Runs the experiments; `progress` receives the number of finished cells and of all cells. Missing
+/// models are left out.
 ///
 /// # Errors
-/// [`Error::Io`] when there is no model at all or a folder cannot be written, those of the
+/// [`Error::Io`] when there is no model at all or a folder cannot be written, and the errors of the
 /// readers. Nothing is written before the models are read.
 pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<Outcome> {
     let (trials, noisy, varied, levels) = sizes(options.smoke);
@@ -93,7 +93,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
         let path = folder.join(cell.name() + ".csv");
         let found = match Trials::read(cell, source, &path) {
             Some(found) => found,
-            // Other parts are shown as far as they are known.
+            // Other parts are shown with their existing results.
             None if !wanted(cell) => continue,
             None => {
                 let found = Trials::run(cell, &source.model)?;
@@ -119,7 +119,7 @@ pub fn run(options: &Options, mut progress: impl FnMut(usize, usize)) -> Result<
 
 type Sources = BTreeMap<(Shape, Interpretation, Option<u32>), Source>;
 
-/// The models that `cells` need, and a line for each that is not there.
+/// Loads the models that `cells` need, and returns a line for each missing one.
 fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
     let needed: BTreeSet<_> = cells.iter().map(Cell::model).collect();
     let (mut sources, mut missing) = (Sources::new(), Vec::new());
@@ -140,7 +140,7 @@ fn load(options: &Options, cells: &[Cell]) -> Result<(Sources, Vec<String>)> {
     if sources.is_empty() && !missing.is_empty() {
         return Err(missing.swap_remove(0).1);
     }
-    // One line a shape: its readings miss the same.
+    // One line a shape: its interpretations miss the same files.
     missing.dedup_by_key(|(shape, _)| *shape);
     let lines = missing.iter().map(|(shape, error)| models::left_out(*shape, error));
     Ok((sources, lines.collect()))

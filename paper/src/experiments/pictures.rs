@@ -14,13 +14,13 @@ use cfreg::error::Result;
 use cfreg::figure::{Axes, Content, Curve, Dots, Figure, Panel};
 use cfreg::method::Register;
 
-/// Points of a picture of a model.
+/// Number of points in a picture of a model. Chosen by hand.
 const SHOWN: usize = 4000;
 
-/// Writes every figure to `folder`; those of the lecture hall where its scans are.
+/// Writes every figure to `folder`; those of the lecture hall if its scans exist.
 ///
 /// # Errors
-/// [`Error::Io`](cfreg::Error::Io), and those of the readers.
+/// [`Error::Io`](cfreg::Error::Io), and the errors of the readers.
 pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Result<()> {
     let save = |name: &str, panels, columns, size| {
         let stem: PathBuf = folder.join(name);
@@ -50,7 +50,7 @@ pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Resul
     Ok(())
 }
 
-/// The model of `shape`, if it is there.
+/// Loads the model of `shape`, if it exists.
 fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
     match models::load(data, shape, Interpretation::Fitting) {
         Err(error) if models::is_missing(&error) => Ok(None),
@@ -58,7 +58,7 @@ fn there(data: &Path, shape: Shape) -> Result<Option<Source>> {
     }
 }
 
-/// The models that are there.
+/// Draws the models that exist.
 fn shapes(data: &Path) -> Result<Vec<Panel>> {
     let panel = |&shape: &Shape| {
         let Some(Source { model, remark, .. }) = there(data, shape)? else { return Ok(None) };
@@ -69,7 +69,7 @@ fn shapes(data: &Path) -> Result<Vec<Panel>> {
     Shape::ALL.iter().filter_map(|shape| panel(shape).transpose()).collect()
 }
 
-/// Source and target at three levels of noise, for both motions.
+/// Draws source and target at three levels of noise, for both motions.
 fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
@@ -82,7 +82,7 @@ fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     Ok(panels)
 }
 
-/// Mean and deviation of the average shift over the noise, for both motions.
+/// Plots mean and deviation of the average shift over the noise, for both motions.
 fn sensitivity(results: &Results) -> Vec<Panel> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
@@ -127,7 +127,7 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
     panels
 }
 
-/// One trial with outliers, before and after the paper's methods and the best of ours.
+/// Draws one trial with outliers, before and after the paper's methods and the best of ours.
 fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>> {
     let trial = robustness(bunny, motion, number)?;
     let laid = |title: String, pose: &Transform| {
@@ -150,10 +150,10 @@ fn robustness(bunny: &Source, motion: Motion, number: u64) -> Result<Trial> {
     protocol.trial(&bunny.model, drawn(motion, number))
 }
 
-/// Trials among which the pictures' rotations are chosen.
+/// Number of trials from which the pictures' rotations are chosen. Chosen by hand.
 const CHOICE: u64 = 20;
 
-/// Large rotations and the numbers of their trials, the smallest first.
+/// Returns large rotations and the numbers of their trials, the smallest first.
 fn by_angle(bunny: &Source) -> Result<Vec<(f64, u64)>> {
     let angle = |number| {
         let truth = robustness(bunny, Motion::Large, number)?.truth;
@@ -169,12 +169,12 @@ fn drawn(motion: Motion, number: u64) -> Draw {
     Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
 }
 
-/// Both clouds, the source on top.
+/// Returns both clouds, the source on top.
 pub(super) fn pair(target: &PointCloud, source: &PointCloud) -> Content {
     Content::Points(vec![seen("target", target), seen("source", source)])
 }
 
-/// The points as seen along z.
+/// Projects the points along z.
 fn seen(name: &str, cloud: &PointCloud) -> Dots {
     Dots { name: name.into(), points: cloud.positions().map(|[x, y, _]| [x, y]).collect() }
 }

@@ -1,4 +1,4 @@
-//! What the paper prints: mean and deviation of Tables I and II.
+//! Values printed in the paper: mean and deviation of Tables I and II.
 
 use super::cell::{Contender, Shape, Test};
 use crate::{Motion, Spread};
@@ -87,7 +87,7 @@ const ACCURACY: [(Contender, [Spread; 6]); 6] = [
     ),
 ];
 
-/// What the paper prints for a cell of its tables; `None` where it prints nothing.
+/// Returns the paper's value for a cell of its tables; `None` if it prints none.
 pub fn printed(test: Test, contender: Contender, shape: Shape, motion: Motion) -> Option<Spread> {
     let large = usize::from(motion == Motion::Large);
     let of = |name: &Contender| *name == contender;

@@ -11,7 +11,7 @@ use crate::{Motion, Spread};
 /// All trials, by the name of their cell.
 pub type Results = BTreeMap<String, (Cell, Trials)>;
 
-/// How a figure of ours stands to the paper's.
+/// Comparison of a figure of ours with the paper's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The means differ by no more than the printed deviation.
@@ -25,7 +25,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Of a mean of ours, beside what is printed.
+    /// Compares a mean of ours with the printed value.
     pub fn of(mean: f64, printed: Option<Spread>) -> Self {
         match printed {
             None => Verdict::Unprinted,
@@ -45,7 +45,7 @@ impl Verdict {
     }
 }
 
-/// What a test is about.
+/// Returns the error measure of a test.
 pub(super) fn measure(test: Test) -> fn(&Record) -> Option<f64> {
     match test {
         Test::Accuracy => |record| record.frobenius,
@@ -53,7 +53,7 @@ pub(super) fn measure(test: Test) -> fn(&Record) -> Option<f64> {
     }
 }
 
-/// The columns of a table: shape and motion.
+/// Returns the columns of a table: shape and motion.
 fn columns(test: Test) -> Vec<(Shape, Motion)> {
     let shapes = if test == Test::Robustness { &Shape::ALL[..1] } else { &Shape::ALL[..] };
     let of = |motion| shapes.iter().map(move |&shape| (shape, motion));
@@ -103,7 +103,7 @@ fn table(results: &Results, test: Test, reading: Interpretation) -> Table {
     }
 }
 
-/// Both tables in every reading that there are results of, as Markdown.
+/// Formats both tables under every interpretation with results, as Markdown.
 pub fn markdown(results: &Results) -> String {
     let mut text = String::from(LEGEND);
     let own = results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_none());
@@ -121,12 +121,12 @@ pub fn markdown(results: &Results) -> String {
     text
 }
 
-/// A warning where trials are too few for a mean.
+/// Returns a warning if trials are too few for a mean.
 pub(super) fn few(trials: usize) -> &'static str {
     if trials < 30 { ": a check that all runs, not a measurement" } else { "" }
 }
 
-/// The same as LaTeX.
+/// Formats both tables as LaTeX.
 pub fn latex(results: &Results) -> String {
     let mut text = String::from("% Ours | printed, and how they stand: see tables.md.\n");
     for table in tables(results) {
@@ -158,7 +158,7 @@ const LEGEND: &str = "# The paper's tables, ours beside the printed\n\n\
     scan's points instead of its surface. For the Armadillo's the side of its \
     mesh that faces the sensor stands in, in `points` a scan simulated from it.\n";
 
-/// Whether a cell is of the paper's tables, and of this one.
+/// Returns whether a cell belongs to the paper's tables, and to this one.
 fn is_of(cell: &Cell, test: Test, reading: Interpretation) -> bool {
     cell.variation.is_none() && (cell.test, cell.reading) == (test, reading)
 }
@@ -185,11 +185,11 @@ pub(super) fn shown(entry: &Entry, between: &str) -> String {
     if entry.failures > 0 {
         let _ = write!(text, " ({} none)", entry.failures);
     }
-    // The bar is the table's own sign in Markdown only.
+    // The bar is the table's own sign only in Markdown.
     if between.contains("pm") { text.replace("\\|", "|") } else { text }
 }
 
-/// Two significant digits, as the paper prints.
+/// Formats two significant digits, as the paper prints.
 fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".into();

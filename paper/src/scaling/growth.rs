@@ -1,25 +1,25 @@
-//! With which power something grows.
+//! The exponent of a power law.
 
 /// The exponent p of y ≈ c·Nᵖ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growth {
     /// p.
     pub exponent: f64,
-    /// Its standard error, from how far the values are from a straight line in logarithms.
+    /// Its standard error, from the residuals of the straight line in logarithms.
     pub error: f64,
     /// Smallest N of the fit.
     pub from: f64,
 }
 
-/// Values of a fit at the least: two make a line without any error.
+/// Minimum number of values of a fit: two give a line without any error.
 const FEWEST: usize = 3;
-/// Largest N over the smallest of a fit, where there are values enough: at small N what does
-/// not grow, or less, hides the power.
+/// Ratio of the largest to the smallest N of a fit, if there are enough values: at small N, terms
+/// that grow less or not at all hide the power.
 const DECADE: f64 = 10.0;
 
 impl Growth {
-    /// Least squares of log y over log N of the pairs (N, y), which come by growing N: those
-    /// of the last decade, or the last three if that has less. `None` for fewer than three
+    /// Fits log y over log N of the pairs (N, y), in order of growing N, by least squares. Uses the
+    /// pairs of the last decade, or the last three if that has fewer. `None` for fewer than three
     /// pairs, or values that are not above zero.
     pub fn of(pairs: &[[f64; 2]]) -> Option<Self> {
         let last = pairs.last()?[0];
@@ -51,11 +51,11 @@ mod tests {
         let exact = Growth::of(&pairs(|n| 3e-7 * n.powf(1.7))).unwrap();
         assert!((exact.exponent - 1.7).abs() < 1e-12 && exact.error < 1e-12, "{exact:?}");
         assert_eq!(exact.from, 5e2);
-        // A constant that the last decade hardly sees.
+        // A constant that is negligible in the last decade.
         let raised = Growth::of(&pairs(|n| 1e4 + n * n)).unwrap();
         assert!((raised.exponent - 2.0).abs() < 0.03, "{raised:?}");
-        // Off by a tenth up and down: of log y = 2 log N ± 0.1, at log N = 0, 1, 2, 3 times
-        // ln 2, the slope is 2 - 0.04/ln 2, with a rest of 0.032.
+        // Deviations of a tenth up and down: for log y = 2 log N ± 0.1, at log N = 0, 1, 2, 3 times
+        // ln 2, the slope is 2 - 0.04/ln 2, with a residual of 0.032.
         let off =
             |k: i32| [2f64.powi(k), 4f64.powi(k) * (if k % 2 == 0 { 0.1f64 } else { -0.1 }).exp()];
         let uneven = Growth::of(&[0, 1, 2, 3].map(off)).unwrap();

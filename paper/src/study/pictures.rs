@@ -8,8 +8,8 @@ use crate::Spread;
 use cfreg::figure::{Axes, Content, Curve, Figure, Panel};
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// The finalists against overlap, noise and outliers, and what the screening says of bandwidths
-/// and neighbourhoods.
+/// Draws the finalists against overlap, noise and outliers, and the screening of bandwidths and
+/// neighbourhoods.
 pub(super) fn figure(study: &Study) -> Figure {
     let panels = vec![
         against(study, "overlap", "share of the source's view that is common"),
@@ -22,8 +22,8 @@ pub(super) fn figure(study: &Study) -> Figure {
     Figure { panels, columns: 2, size: (660, 380) }
 }
 
-/// Errors of the steps from the paper's scheme to the best, and of TEASER, over the amount of
-/// one kind of condition; bands hold the mean in 95 of 100 repetitions.
+/// Plots the errors of the steps from the paper's scheme to the best, and of TEASER, over the
+/// amount of one kind of condition; bands contain the mean in 95 of 100 repetitions.
 fn against(study: &Study, kind: &str, x: &str) -> Panel {
     let conditions: Vec<&(Condition, Vec<Outcome>)> =
         study.finals.iter().filter(|(condition, _)| condition.kind().0 == kind).collect();
@@ -45,7 +45,7 @@ fn against(study: &Study, kind: &str, x: &str) -> Panel {
     Panel { title: kind.into(), content }
 }
 
-/// Median errors over the bandwidth, in the screening; the automatic one is a line.
+/// Plots median errors over the bandwidth, in the screening; the automatic one is a line.
 fn bandwidths(study: &Study, condition: Condition) -> Panel {
     let mut curves = Vec::new();
     for (points, scales) in [(Place::PAPER.points, "one scale"), (Place::BEST.points, "three")] {
@@ -78,7 +78,7 @@ fn bandwidths(study: &Study, condition: Condition) -> Panel {
     )
 }
 
-/// Median errors over the size of the neighbourhood, in the screening.
+/// Plots median errors over the size of the neighbourhood, in the screening.
 fn sizes(study: &Study) -> Panel {
     let mut curves = Vec::new();
     for (normals, words) in [(None, "normals of as many"), (Some(10), "normals of 10")] {

@@ -1,4 +1,4 @@
-//! Who is better, and how sure that is.
+//! Ranking of schemes, with confidence intervals.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::condition::Condition;
 use super::trials::Outcome;
 
-/// A figure and the interval that holds it in 95 of 100 repetitions.
+/// A figure and the interval that contains it in 95 of 100 repetitions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
     /// From all trials.
@@ -17,8 +17,8 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// A scheme's mean error over that of the paper's, below 1 where it is better: per kind of
-/// condition the geometric mean over its conditions, and over all kinds alike.
+/// A scheme's mean error over that of the paper's, below 1 if it is better: for each kind of
+/// condition the geometric mean over its conditions, and overall with equal weight for each kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standing {
     /// Name of the scheme.
@@ -36,7 +36,7 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    /// Of outcomes that go trial by trial through the `entrants`.
+    /// Creates the errors from outcomes that are ordered by trial, then by the `entrants`.
     pub(super) fn of(condition: Condition, outcomes: &[Outcome], entrants: usize) -> Self {
         let of = |entrant: usize| {
             outcomes.iter().skip(entrant).step_by(entrants.max(1)).map(Outcome::error).collect()
@@ -44,24 +44,24 @@ impl Errors {
         Errors { condition, errors: (0..entrants).map(of).collect() }
     }
 
-    /// Mean error of every entrant over the trials `chosen`.
+    /// Returns the mean error of every entrant over the trials `chosen`.
     pub(super) fn means(&self, chosen: impl ExactSizeIterator<Item = usize> + Clone) -> Vec<f64> {
         let n = chosen.len() as f64;
         let mean = |errors: &Vec<f64>| chosen.clone().map(|trial| errors[trial]).sum::<f64>() / n;
         self.errors.iter().map(mean).collect()
     }
 
-    /// Number of trials.
+    /// Returns the number of trials.
     pub(super) fn trials(&self) -> usize {
         self.errors.first().map_or(0, Vec::len)
     }
 }
 
-/// Times that trials are drawn again, with replacement, the same for all entrants (Efron and
-/// Tibshirani 1993, the percentile interval).
+/// Number of bootstrap samples of the trials, with replacement, the same for all entrants (Efron
+/// and Tibshirani 1993, the percentile interval).
 const DRAWS: usize = 1000;
 
-/// Standings of all entrants against the one numbered `base`, the best first.
+/// Ranks all entrants against the one numbered `base`, the best first.
 pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) -> Vec<Standing> {
     let conditions: Vec<&Errors> =
         conditions.iter().filter(|condition| condition.trials() > 0).collect();
@@ -73,7 +73,7 @@ pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) ->
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let drawn: Vec<Vec<Vec<f64>>> = (0..DRAWS)
         .map(|_| {
-            // The same numbers in all conditions: trials of a number share their draws.
+            // The same numbers in all conditions: trials of a number share their random draws.
             let chosen: Vec<usize> = (0..n).map(|_| rng.random_range(0..n)).collect();
             let means: Vec<Vec<f64>> =
                 conditions.iter().map(|errors| errors.means(chosen.iter().copied())).collect();
@@ -99,7 +99,7 @@ pub(super) fn standings(names: &[String], base: usize, conditions: &[Errors]) ->
     standings
 }
 
-/// Kinds of the conditions, each once, in order.
+/// Returns the kinds of the conditions, each once, in order.
 pub(super) fn kinds(conditions: &[Condition]) -> Vec<&'static str> {
     let mut kinds: Vec<&'static str> =
         conditions.iter().map(|condition| condition.kind().0).collect();
@@ -107,7 +107,7 @@ pub(super) fn kinds(conditions: &[Condition]) -> Vec<&'static str> {
     kinds
 }
 
-/// `[entrant][column]`: the mean logarithm of the ratio to `base` over all kinds, then by
+/// Returns `[entrant][column]`: the mean logarithm of the ratio to `base` over all kinds, then by
 /// kind, from `means[condition][entrant]`.
 pub(super) fn scores(conditions: &[Condition], means: &[Vec<f64>], base: usize) -> Vec<Vec<f64>> {
     let kinds = kinds(conditions);

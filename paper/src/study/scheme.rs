@@ -1,4 +1,4 @@
-//! What takes part in the study: weight schemes, those of the grid and anybody's.
+//! Entrants of the study: weight schemes of the grid and user-defined ones.
 
 use cfreg::descriptor::HistogramScale;
 use cfreg::error::Result;
@@ -7,10 +7,10 @@ use cfreg::moments::{FullConnection, Moments};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// How points are described, and the moments that a full connection of descriptors comes
-/// to: all that CF leaves open. The closed form is the same for all.
+/// Descriptors of the points, and the moments of a full connection of descriptors: all choices that
+/// CF leaves open. The closed form is the same for all.
 ///
-/// Any scheme of one's own takes part:
+/// User-defined schemes can take part:
 ///
 /// ```
 /// use cfreg::{experiment::study::Scheme, method::FeatureConfig, weight::Normalization};
@@ -21,11 +21,11 @@ use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 /// assert_eq!(mine.name, "quartic");
 /// ```
 pub struct Scheme {
-    /// What tables call it; no two may share a name.
+    /// Name in tables; no two schemes may share a name.
     pub name: String,
-    /// How points are described.
+    /// Settings of the descriptors.
     pub describe: FeatureConfig,
-    /// Where it stands in the grid; `None` for one's own.
+    /// Its place in the grid; `None` for user-defined schemes.
     pub(super) place: Option<Place>,
     weigh: Box<Weigh>,
 }
@@ -33,7 +33,7 @@ pub struct Scheme {
 type Weigh = dyn Fn(&FullConnection) -> Result<Moments> + Send + Sync;
 
 impl Scheme {
-    /// A scheme of one's own.
+    /// Creates a user-defined scheme.
     pub fn new(
         name: impl Into<String>,
         describe: FeatureConfig,
@@ -42,7 +42,7 @@ impl Scheme {
         Scheme { name: name.into(), describe, place: None, weigh: Box::new(weigh) }
     }
 
-    /// The scheme at a place of the grid.
+    /// Creates the scheme at a place of the grid.
     pub(super) fn at(place: Place) -> Self {
         let Place { kernel, beta, normalize, .. } = place;
         let weigh = move |connection: &FullConnection| {
@@ -52,27 +52,27 @@ impl Scheme {
         Scheme { name: place.name(), describe, place: Some(place), weigh: Box::new(weigh) }
     }
 
-    /// The moments that are solved.
+    /// Computes the moments of its step.
     ///
     /// # Errors
-    /// Those of the scheme.
+    /// The errors of the scheme.
     pub fn moments(&self, connection: &FullConnection) -> Result<Moments> {
         (self.weigh)(connection)
     }
 }
 
-/// A way to describe points, one of [`Points::ALL`].
+/// Settings of the descriptors, one of [`Points::ALL`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Points {
-    /// Nearest points of the neighbourhoods whose descriptors stand beside each other, each
-    /// with those for its normals; `None`: as many.
+    /// Nearest points of the neighbourhoods whose descriptors are concatenated, each with the
+    /// number for its normals; `None`: the same number.
     pub scales: &'static [(usize, Option<usize>)],
-    /// Whose FPFH.
+    /// Library whose FPFH is computed.
     pub histogram: HistogramScale,
 }
 
 impl Points {
-    /// The ways of the grid, the paper's first.
+    /// The settings of the grid, the paper's first.
     pub const ALL: [Points; 16] = {
         use HistogramScale::{Open3d, Pcl};
         const SAME: [(usize, Option<usize>); 3] =
@@ -102,7 +102,7 @@ impl Points {
         ]
     };
 
-    /// As a setting of the methods.
+    /// Returns them as a setting of the methods.
     pub fn describe(self) -> FeatureConfig {
         let nearest = Neighborhood::Nearest;
         let (k, normals) = self.scales[0];
@@ -119,7 +119,7 @@ impl Points {
         }
     }
 
-    /// Short, for tables: `100n10+200n50 open3d`.
+    /// Returns a short name for tables: `100n10+200n50 open3d`.
     pub fn name(self) -> String {
         let scale = |&(k, normals): &(usize, Option<usize>)| {
             format!("{k}{}", normals.map_or(String::new(), |normals| format!("n{normals}")))
@@ -136,7 +136,7 @@ impl Points {
 /// A place of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// How points are described.
+    /// Settings of the descriptors.
     pub points: Points,
     /// The kernel.
     pub kernel: WeightScheme,
@@ -163,7 +163,7 @@ const NORMALIZATIONS: [Normalization; 5] = [
 ];
 
 impl Place {
-    /// The paper's.
+    /// The paper's scheme.
     pub const PAPER: Place = Place {
         points: Points::ALL[0],
         kernel: WeightScheme::Gaussian,
@@ -171,8 +171,8 @@ impl Place {
         normalize: Normalization::None,
     };
 
-    /// [`Cf::multiscale`](cfreg::method::Cf::multiscale): within the interval of the first of
-    /// the study, and the one of those that also holds under noise.
+    /// [`Cf::multiscale`](cfreg::method::Cf::multiscale): its error is within the interval of the
+    /// best scheme of the study, and among these it is the one that is also good under noise.
     pub const BEST: Place = Place {
         points: Points::ALL[14],
         kernel: WeightScheme::Gaussian,
@@ -180,7 +180,7 @@ impl Place {
         normalize: Normalization::Both,
     };
 
-    /// From the paper's to the best, one choice at a time.
+    /// From the paper's scheme to the best, one choice at a time.
     pub const STEPS: [Place; 6] = {
         let normalized = Place { normalize: Normalization::Both, ..Place::PAPER };
         let adapted = Place { beta: Place::BEST.beta, ..normalized };
@@ -194,7 +194,7 @@ impl Place {
         ]
     };
 
-    /// What each of [`STEPS`](Self::STEPS) adds, for curves.
+    /// The change at each of [`STEPS`](Self::STEPS), for curves.
     pub(super) const STEP_NAMES: [&str; 6] = [
         "CF, the paper's",
         "+ dual softmax",
@@ -204,9 +204,9 @@ impl Place {
         "+ three scales: multiscale",
     ];
 
-    /// Every place of the grid, or a few of it.
+    /// Returns every place of the grid, or a few of them.
     pub fn grid(few: bool) -> Vec<Place> {
-        // The uniform kernel has but one place: it has neither bandwidth nor descriptors.
+        // The uniform kernel has only one place: it has neither bandwidth nor descriptors.
         let uniform = WeightScheme::Uniform;
         let mut places = vec![Place { kernel: uniform, ..Place::PAPER }];
         let (points, kernels) = match few {
@@ -231,7 +231,7 @@ impl Place {
         places
     }
 
-    /// For tables: description, kernel, bandwidth, normalisation.
+    /// Returns the name for tables: description, kernel, bandwidth, normalisation.
     pub fn name(&self) -> String {
         let Place { points, kernel, beta, normalize } = self;
         format!("{} | {kernel} | {beta} | {normalize}", points.name())

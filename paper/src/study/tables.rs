@@ -15,7 +15,7 @@ const LEGEND: &str = "# Weight schemes\n\n\
     is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's. \
     No answer counts as a half turn.\n";
 
-/// The study as tables.
+/// Formats the study as tables.
 pub(super) fn markdown(study: &Study) -> String {
     let mut text = String::from(LEGEND);
     let [few, many] = study.trials;
@@ -53,8 +53,8 @@ fn ranking(text: &mut String, study: &Study) {
     }
 }
 
-/// What a reader asks for first: the paper's scheme, the steps away from it, the winner, and
-/// the method that stands beside.
+/// Returns the most important entrants: the paper's scheme, the steps away from it, the winner, and
+/// the iterative method beside the schemes.
 pub(super) fn notable(study: &Study) -> Vec<String> {
     let mut names: Vec<String> = Place::STEPS.iter().map(Place::name).collect();
     let best = study.standings.iter().find(|standing| standing.scheme != BESIDE);
@@ -64,7 +64,7 @@ pub(super) fn notable(study: &Study) -> Vec<String> {
     once(names)
 }
 
-/// Errors of one scheme in one condition.
+/// Returns the outcomes of one scheme in one condition.
 pub(super) fn of<'a>(outcomes: &'a [Outcome], name: &'a str) -> impl Iterator<Item = &'a Outcome> {
     outcomes.iter().filter(move |outcome| outcome.scheme == name)
 }
@@ -102,7 +102,7 @@ fn shapes(text: &mut String, study: &Study) {
     }
 }
 
-/// The best scheme with one choice changed, from the screening.
+/// Formats the best scheme with one choice changed, from the screening.
 fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     let places = study.screened.len() / conditions.len().max(1);
     let rows = &study.screened[..places];
@@ -144,7 +144,7 @@ fn shown(Interval { value, low, high }: Interval) -> String {
     format!("{value:.2} [{low:.2}, {high:.2}]")
 }
 
-/// The bar is the table's own sign.
+/// Escapes the bar, which is the table's own sign.
 fn escaped(name: &str) -> String {
     name.replace('|', "\\|")
 }

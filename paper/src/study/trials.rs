@@ -12,11 +12,11 @@ use cfreg::moments::FullConnection;
 use cfreg::par;
 use cfreg::pose::{self, ScaleEstimate, Solver};
 
-/// What registers a pair.
+/// A scheme or method that registers a pair.
 pub(super) enum Entrant<'a> {
     /// Weights once, one solve.
     Scheme(&'a Scheme),
-    /// A method to stand beside, by a name for tables.
+    /// A method for comparison, by a name for tables.
     Beside(&'static str, Box<Method>),
 }
 
@@ -29,29 +29,29 @@ impl Entrant<'_> {
     }
 }
 
-/// What one entrant made of one trial.
+/// The result of one entrant in one trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Name of the scheme, or of the method that stands beside.
+    /// Name of the scheme, or of the method for comparison.
     pub scheme: String,
     /// Number of the trial.
     pub trial: u64,
-    /// Of which shape.
+    /// Shape of the trial.
     pub shape: Shape,
-    /// Rotation error, degrees; this and the next are empty without an answer.
+    /// Rotation error, degrees; this and the next are empty without a pose.
     pub rotation_deg: Option<f64>,
     /// ‖I − R R_gtᵀ‖_F.
     pub frobenius: Option<f64>,
 }
 
 impl Outcome {
-    /// The paper's measure of a rotation; without an answer that of a half turn.
+    /// Returns the paper's measure of a rotation; without a pose that of a half turn.
     pub fn error(&self) -> f64 {
         self.frobenius.unwrap_or(8f64.sqrt())
     }
 }
 
-/// Where trials come from: all that their outcomes depend on, but for the schemes.
+/// Source of the trials: everything that their outcomes depend on, except the schemes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Draws<'a> {
     pub(super) condition: Condition,
@@ -77,13 +77,13 @@ impl<'a> Draws<'a> {
     }
 }
 
-/// Points of a cloud, as in the paper's tests.
+/// Number of points of a cloud, as in the paper's tests.
 const POINTS: usize = 500;
 
-/// Every entrant on every trial: trial by trial, in the order of the entrants.
+/// Runs every entrant on every trial: trial by trial, in the order of the entrants.
 ///
 /// # Errors
-/// Those of [`Scenes::trial`]; an entrant without an answer is an outcome.
+/// The errors of [`Scenes::trial`]; an entrant without a pose is an outcome.
 pub(super) fn run(
     scenes: &Scenes,
     draws: Draws<'_>,
@@ -112,7 +112,7 @@ pub(super) fn run(
     Ok(all.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// A trial, and its full connections by how points are described.
+/// A trial, and its full connections by descriptor settings.
 struct Pair<'a> {
     trial: &'a Trial,
     connections: Vec<(FeatureConfig, FullConnection)>,
