@@ -1,7 +1,7 @@
-//! Arrays to rows of numbers, and back.
+//! Conversion of arrays to rows of numbers, and back.
 //!
-//! What is read is copied once, by numpy: other threads may then write into the array while
-//! it is worked with, and nothing is read from it that they wrote.
+//! Numpy copies the input once: other threads may then write into the array while it is processed,
+//! and their changes are never read.
 
 use std::borrow::Cow;
 
@@ -18,15 +18,15 @@ use cfreg::cloud::{Descriptors, Transform};
 use cfreg::error::Error as Failure;
 use cfreg::math::Vec3;
 
-/// A table of numbers in row order that nobody else holds: float32 as it came, all else float64.
+/// A table of numbers in row order without other owners: float32 input as it is, all else float64.
 pub(super) enum Table<'py> {
     F32(PyReadonlyArray2<'py, f32>),
     F64(PyReadonlyArray2<'py, f64>),
 }
 
 impl<'py> Table<'py> {
-    /// Reads an array (N, `width`), any width where that is `None`; `name` is what errors
-    /// call it.
+    /// Reads an array (N, `width`), any width if that is `None`; `name` is the name of the argument
+    /// in errors.
     pub(super) fn read(
         any: &Bound<'py, PyAny>,
         name: &str,
@@ -54,7 +54,7 @@ impl<'py> Table<'py> {
         if found.is_equiv_to(&dtype::<f64>(py)) {
             return Ok(Table::F64(own_copy(any)?));
         }
-        // Whole numbers and floats of other kinds; neither truth values nor complex numbers.
+        // Integers and floats of other kinds; neither booleans nor complex numbers.
         match found.kind() {
             b'i' | b'u' | b'f' => {
                 let converted = any.call_method1("astype", ("float64", "C"))?;
@@ -64,7 +64,7 @@ impl<'py> Table<'py> {
         }
     }
 
-    /// Rows and columns.
+    /// Returns rows and columns.
     pub(super) fn shape(&self) -> [usize; 2] {
         match self {
             Table::F32(table) => [table.shape()[0], table.shape()[1]],
@@ -91,7 +91,7 @@ impl<'py> Table<'py> {
         bad.map_or(Ok(()), |at| Err(non_finite(name, at / width)))
     }
 
-    /// The values in f64, row after row.
+    /// Returns the values in f64, row after row.
     pub(super) fn values(&self, py: Python<'_>) -> PyResult<Cow<'_, [f64]>> {
         Ok(match self {
             Table::F32(table) => {
@@ -103,13 +103,13 @@ impl<'py> Table<'py> {
     }
 }
 
-/// A copy in row order. numpy lets other threads run while it makes one.
+/// Copies in row order. Numpy lets other threads run during the copy.
 fn own_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, T>> {
     let copy = any.call_method1("copy", ("C",))?;
     Ok(copy.cast::<PyArray2<T>>()?.try_readonly()?)
 }
 
-/// The array itself, or what stands for one: masked arrays, tensors, data frames.
+/// Returns the array itself, or converts an array-like object: masked arrays, tensors, data frames.
 pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     if any.get_type().is(PyUntypedArray::type_object(any.py())) {
         return Ok(any.clone());
@@ -117,14 +117,14 @@ pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Bou
     interop(any.py())?.call_method1("array", (any, name))
 }
 
-/// The Python side's knowledge of other libraries.
+/// Returns the Python module that supports other libraries.
 pub(super) fn interop(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let import = || Ok::<_, PyErr>(py.import("cfreg._interop")?.unbind());
     Ok(MODULE.get_or_try_init(py, import)?.bind(py))
 }
 
-/// A table (N, D) that is finite, one row for each of the `points` of `owner`.
+/// Reads a finite table (N, D), one row for each of the `points` of `owner`.
 pub(super) fn table_for<'py>(
     any: &Bound<'py, PyAny>,
     name: &str,
@@ -145,7 +145,7 @@ pub(super) fn table_for<'py>(
     Ok(table)
 }
 
-/// Numbers (N,), one for each of the `points` of `owner`.
+/// Reads numbers (N,), one for each of the `points` of `owner`.
 pub(super) fn column_for(
     any: &Bound<'_, PyAny>,
     name: &str,
@@ -164,7 +164,7 @@ pub(super) fn column_for(
     Ok(table_for(&column, name, points, owner)?.values(any.py())?.into_owned())
 }
 
-/// The descriptors of both sides.
+/// Reads the descriptors of both sides.
 pub(super) fn descriptors(
     py: Python<'_>,
     source: &Table<'_>,
@@ -189,16 +189,16 @@ pub(super) fn descriptors(
     both.map_err(exception)
 }
 
-/// Three numbers.
+/// Reads three numbers.
 pub(super) fn place(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec3> {
     any.extract().map_err(|_| {
         SettingError::new_err(format!("{name} = {}: must be three numbers", shown(any)))
     })
 }
 
-/// A (4, 4) matrix, of any kind of number.
+/// Reads a (4, 4) matrix, of any kind of number.
 pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
-    // A registration stands for its pose; data frames have a method of that name.
+    // A registration result is accepted for its pose; data frames have a method of that name.
     let matrix = any.getattr_opt("transform")?.filter(|matrix| !matrix.is_callable());
     let matrix = matrix.unwrap_or_else(|| any.clone());
     let found = as_array(&matrix, name).and_then(|array| Table::read(&array, name, Some(4)));
@@ -212,7 +212,7 @@ pub(super) fn pose(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Transform> {
     Transform::from_matrix(rows).map_err(|error| about(name, error))
 }
 
-/// An array (N, `width`) of `values`, row after row.
+/// Creates an array (N, `width`) of `values`, row after row.
 pub(super) fn table<T: Element>(
     py: Python<'_>,
     width: usize,
@@ -223,7 +223,7 @@ pub(super) fn table<T: Element>(
     PyArray2::from_owned_array(py, table)
 }
 
-/// `array`, which nobody else holds yet, made read-only.
+/// Makes `array`, which has no other owner yet, read-only.
 pub(super) fn read_only<'py, T: Element, D: Dimension>(
     array: Bound<'py, PyArray<T, D>>,
 ) -> Bound<'py, PyArray<T, D>> {

@@ -1,4 +1,4 @@
-//! Whatever stands for a cloud where one is asked for.
+//! Cloud arguments of every accepted kind.
 
 use std::path::PathBuf;
 
@@ -11,15 +11,15 @@ use super::interop::BadRows;
 use cfreg::cloud::PointCloud;
 use cfreg::io;
 
-/// A cloud that was handed over: a `PointCloud`, or made from whatever stands for one, a file too.
+/// A cloud argument: a `PointCloud`, or a cloud created from another accepted object or a file.
 pub(super) enum AnyCloud<'py> {
     Given(Bound<'py, PyCloud>),
     Made(Box<PointCloud>),
 }
 
 impl<'py> AnyCloud<'py> {
-    /// `name` is what errors call the cloud; `normals` take the place of its own. Where bad rows
-    /// are refused, rows have numbers, which those of a file have not.
+    /// Reads a cloud argument; `name` is its name in errors, and `normals` replace its own. If bad
+    /// rows are refused, points are named by row numbers, which a file does not have.
     pub(super) fn read(
         any: &Bound<'py, PyAny>,
         name: &str,
@@ -37,7 +37,7 @@ impl<'py> AnyCloud<'py> {
         }
     }
 
-    /// A cloud whose points are named by their rows in what was handed over.
+    /// Reads a cloud whose points are named by their rows in the input.
     pub(super) fn by_rows(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
         let cloud = Self::read(any, name, None, BadRows::Refuse)?;
         match cloud.get().dropped() {
@@ -50,7 +50,7 @@ impl<'py> AnyCloud<'py> {
         }
     }
 
-    /// The cloud.
+    /// Returns the cloud.
     pub(super) fn get(&self) -> &PointCloud {
         match self {
             AnyCloud::Given(given) => given.get().cloud(),

@@ -6,10 +6,11 @@ use pyo3::prelude::*;
 use super::arrays::interop;
 use cfreg::error::Error as Failure;
 
-/// Most characters of a user's value in a message. Chosen by hand: a line of a terminal.
+/// Maximum number of characters of a user's value in a message. Chosen by hand: a line of a
+/// terminal.
 const LONGEST_VALUE: usize = 80;
-/// Most characters of a message's own words, which may have a value in them, as those of serde do.
-/// Chosen by hand: the longest list of settings that a method has fits.
+/// Maximum number of characters of a message's own text, which may contain a value, as in messages
+/// of serde. Chosen by hand: the longest list of settings of a method fits.
 const LONGEST_RULE: usize = 600;
 
 pyo3::create_exception!(cfreg, Error, PyValueError, "What all errors of cfreg's own are.");
@@ -65,10 +66,10 @@ pyo3::create_exception!(
     "A bug in cfreg: the message says what to report. Other calls are not affected."
 );
 
-/// The exception for `error`, with its message.
+/// Returns the exception for `error`, with its message.
 pub(super) fn exception(error: Failure) -> PyErr {
     match error {
-        // Three arguments make the subclass that belongs to the number: FileNotFoundError.
+        // Three arguments create the subclass for the number: FileNotFoundError.
         Failure::Io { path, source } => match source.raw_os_error() {
             Some(number) => {
                 let message = source.to_string();
@@ -88,30 +89,30 @@ pub(super) fn exception(error: Failure) -> PyErr {
     }
 }
 
-/// The exception for a setting that JSON does not have as it should be.
+/// Returns the exception for a setting with invalid JSON.
 pub(super) fn refused(argument: &str, error: serde_json::Error) -> PyErr {
     let message = ends(&error.to_string(), LONGEST_RULE);
     SettingError::new_err(format!("{argument}: {message}"))
 }
 
-/// A message about a setting, its value cut to a line.
+/// Formats a message about a setting, its value cut to a line.
 fn setting(name: &str, value: &str, rule: &str) -> String {
     let (value, rule) = (shortened(value), ends(rule, LONGEST_RULE));
     format!("{name} = {value}: {rule}")
 }
 
-/// A value as messages have it: of an array its type, shape and first numbers.
+/// Formats a value for messages: for an array its type, shape and first numbers.
 pub(super) fn shown(any: &Bound<'_, PyAny>) -> String {
     let shown = interop(any.py()).and_then(|interop| interop.call_method1("shown", (any,)));
     shown.and_then(|text| text.extract()).unwrap_or_else(|_| "a value without words".into())
 }
 
-/// A text as messages have it: its ends, where it is longer than a line.
+/// Formats a text for messages: its two ends if it is longer than a line.
 pub(super) fn shortened(text: &str) -> String {
     ends(text, LONGEST_VALUE)
 }
 
-/// `text`, or its ends where it is longer than `most` characters.
+/// Returns `text`, or its two ends if it is longer than `most` characters.
 fn ends(text: &str, most: usize) -> String {
     let count = text.chars().count();
     if count <= most {
@@ -123,7 +124,7 @@ fn ends(text: &str, most: usize) -> String {
     format!("{first} ... {last}")
 }
 
-/// The exception for an `error` about the argument of that name.
+/// Returns the exception for an `error` about the argument of that name.
 pub(super) fn about(argument: &str, error: Failure) -> PyErr {
     match &error {
         // Settings may have another name in the structs.
@@ -135,7 +136,7 @@ pub(super) fn about(argument: &str, error: Failure) -> PyErr {
     }
 }
 
-/// The class that belongs to `error`, with this message.
+/// Returns an exception of the class for `error`, with this message.
 fn worded(error: &Failure, message: String) -> PyErr {
     match error {
         Failure::TooFewPoints { .. } => TooFewPointsError::new_err(message),
@@ -151,29 +152,29 @@ fn worded(error: &Failure, message: String) -> PyErr {
     }
 }
 
-/// The exception for a NaN or infinity in a row of an array.
+/// Returns the exception for a NaN or infinity in a row of an array.
 pub(super) fn non_finite(argument: &str, row: usize) -> PyErr {
     NonFiniteError::new_err(format!(
         "{argument} has a NaN or infinite value in row {row}: remove or repair it first"
     ))
 }
 
-/// A whole number of any size; beyond those of 64 bits the largest or the least of these.
+/// Reads an integer of any size; beyond 64 bits the largest or the smallest 64-bit integer.
 pub(super) fn whole(any: &Bound<'_, PyAny>) -> PyResult<i64> {
     any.extract().or_else(|error| beyond(any, error, [i64::MIN, i64::MAX]))
 }
 
-/// A number of any size; beyond those of 64 bits an infinity.
+/// Reads a number of any size; beyond 64 bits an infinity.
 pub(super) fn real(any: &Bound<'_, PyAny>) -> PyResult<f64> {
     any.extract().or_else(|error| beyond(any, error, [f64::NEG_INFINITY, f64::INFINITY]))
 }
 
-/// The same, or None.
+/// Reads a number of any size, or None.
 pub(super) fn optional_real(any: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     if any.is_none() { Ok(None) } else { real(any).map(Some) }
 }
 
-/// The least or the largest for what is beyond, another error as it is.
+/// Returns the smallest or the largest value for an overflow, another error unchanged.
 fn beyond<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> PyResult<T> {
     match error.is_instance_of::<PyOverflowError>(any.py()) {
         true => Ok(if any.lt(0)? { least } else { largest }),
@@ -181,7 +182,7 @@ fn beyond<T>(any: &Bound<'_, PyAny>, error: PyErr, [least, largest]: [T; 2]) -> 
     }
 }
 
-/// A number of things that Python gave as an integer of any sign.
+/// Reads a count, which Python passes as an integer of any sign.
 pub(super) fn count(argument: &'static str, value: i64) -> PyResult<usize> {
     let negative = |_| exception(Failure::config(argument, value, "must not be negative"));
     usize::try_from(value).map_err(negative)

@@ -1,4 +1,4 @@
-//! The one way from Python into long work: without the interpreter, to be ended by Ctrl-C.
+//! The only way from Python into long work: without the interpreter, interruptible by Ctrl-C.
 
 use std::sync::OnceLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -12,21 +12,21 @@ use super::shutdown::{detached, ending};
 use cfreg::error::{Error, Result};
 use cfreg::par::{self, Interrupt};
 
-/// How long a signal waits at most before it is looked at.
+/// Maximum delay before a signal is handled. Chosen by hand.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// On whose threads loops run.
+/// Threads on which loops run.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Pool {
-    /// On those of all calls.
+    /// The threads shared by all calls.
     Shared,
-    /// On threads of this call alone: for work that may wait for other calls, as Python
-    /// functions do that take a lock.
+    /// Threads of this call alone: for work that may wait for other calls, such as Python functions
+    /// that take a lock.
     Own,
 }
 
-/// Runs `work` in a thread of its own while this one, without the interpreter, waits for it
-/// and looks after signals: other Python threads go on, and Ctrl-C ends the work. A panic in it
+/// Runs `work` in a separate thread while this one, without the interpreter, waits for it and
+/// handles signals: other Python threads continue, and Ctrl-C ends the work. A panic in the work
 /// becomes an exception.
 pub(super) fn released<T: Send>(
     py: Python<'_>,
@@ -35,7 +35,7 @@ pub(super) fn released<T: Send>(
     released_on(py, Pool::Shared, work)
 }
 
-/// [`released`] with loops on the threads of `pool`.
+/// Runs [`released`] with loops on the threads of `pool`.
 pub(super) fn released_on<T: Send>(
     py: Python<'_>,
     pool: Pool,
@@ -44,10 +44,10 @@ pub(super) fn released_on<T: Send>(
     let interrupt = Interrupt::default();
     let (send, receive) = channel();
     let within = interrupt.clone();
-    // A weight written in Python may call on us again, from a thread that waits for it.
+    // A Python weight function may call this module again, from a thread that waits for it.
     let pool = if par::in_pool() { Pool::Own } else { pool };
     let worker = move || {
-        // Nobody waits for an answer after an interrupt.
+        // After an interrupt nobody waits for a result.
         let _ = send.send(within.guard(|| on_live_threads(pool, work)));
     };
     detached(py, move || {
@@ -81,8 +81,8 @@ pub(super) fn released_on<T: Send>(
     .flatten()
 }
 
-/// Runs `work` on threads that will take it up: new ones, too, in a process that was forked,
-/// as `multiprocessing` does, where the shared ones are not.
+/// Runs `work` on live threads. A forked process, as from `multiprocessing`, gets new threads,
+/// because the shared ones do not exist there.
 fn on_live_threads<T: Send>(pool: Pool, work: impl FnOnce() -> T + Send) -> Result<T> {
     static FIRST: OnceLock<u32> = OnceLock::new();
     let process = std::process::id();

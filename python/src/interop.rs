@@ -1,4 +1,4 @@
-//! Clouds made of arrays, and of what other libraries have for a cloud.
+//! Clouds from arrays, and from the point clouds of other libraries.
 
 use numpy::PyUntypedArray;
 use pyo3::PyTypeInfo;
@@ -13,17 +13,17 @@ use super::shutdown::detached;
 use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 use cfreg::math::Vec3;
 
-/// What becomes of rows that are not finite.
+/// Treatment of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum BadRows {
-    /// They are left out and counted.
+    /// Such rows are dropped and counted.
     Drop,
-    /// The first is an error: what belongs to the others would shift.
+    /// The first is an error: data of the following rows would shift.
     Refuse,
 }
 
-/// The cloud that `any` stands for; `name` is what errors call it, `normals` take the place of
-/// its own.
+/// Converts `any` to a cloud; `name` is the name of the argument in errors, `normals` replace its
+/// own.
 pub(super) fn read<'py>(
     any: &Bound<'py, PyAny>,
     name: &str,
@@ -73,8 +73,8 @@ pub(super) fn read<'py>(
     with_attributes(cloud, any)
 }
 
-/// A hint where normals seem to be those of the points without, or with, the rows that a cloud leaves
-/// out.
+/// Returns a hint if normals seem to belong to the points without, or with, the rows that a cloud
+/// drops.
 fn left_out(any: &Bound<'_, PyAny>, name: &str, points: &[Vec3], normals: usize) -> String {
     let bad = points.iter().filter(|point| point.iter().any(|x| !x.is_finite())).count();
     let dropped = any.cast::<PyCloud>().map_or(0, |given| given.get().cloud().dropped());
@@ -93,7 +93,7 @@ fn left_out(any: &Bound<'_, PyAny>, name: &str, points: &[Vec3], normals: usize)
     String::new()
 }
 
-/// The cloud with the colours, weights and channels of what it was made from, where that has any.
+/// Adds the colours, weights and channels of the input object, if it has any.
 fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointCloud> {
     let py = any.py();
     if any.get_type().is(PyUntypedArray::type_object(py)) || any.cast::<PyCloud>().is_ok() {
@@ -106,7 +106,7 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
     }
     let rows = Rows::of(any, &cloud)?;
     let mut cloud = cloud;
-    // Nobody has asked for these: those that a cloud cannot have are left out.
+    // Nobody has requested these: invalid ones are left out.
     if let Some(weights) = weights {
         let weights = rows.column(&weights, "weights")?;
         if weights.iter().all(|w| w.is_finite() && *w >= 0.0) && weights.iter().any(|w| *w > 0.0) {
@@ -122,7 +122,7 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
         }
         let in_range = column.iter().all(|x| (0.0..=1.0).contains(x));
         let color = in_range && ["red", "green", "blue"].contains(&name.as_str());
-        // Files have colours as whole numbers, as that library's own.
+        // Files store colours as integers, as in that library's own files.
         channels = match color {
             true => channels.with_color(&name, column, ColorDepth::Eight),
             false => channels.with(&name, column),

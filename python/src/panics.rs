@@ -1,7 +1,7 @@
-//! Panics of the crate, which are bugs, as exceptions of the package.
+//! Conversion of panics of the crate, which are bugs, to exceptions of the package.
 //!
-//! The hook that is set here is that of this extension module: it is linked with a standard library
-//! of its own, so that no other module of the process prints less.
+//! The hook set here applies to this extension module alone: it is linked with its own standard
+//! library, so that other modules of the process print as before.
 
 use std::any::Any;
 use std::env;
@@ -12,11 +12,12 @@ use pyo3::prelude::*;
 
 use super::errors::InternalError;
 
-/// Where the last panic of the process was. A panic may travel from a thread of a pool to the one
-/// that waits for it, and has lost its place there.
+/// Location of the last panic of the process. A panic may pass from a thread of a pool to the
+/// waiting one, and has lost its location there.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);
 
-/// Has panics note their place and print nothing, unless `RUST_BACKTRACE` asks for it.
+/// Installs a hook that records the location of a panic and prints nothing, unless `RUST_BACKTRACE`
+/// asks for it.
 pub(super) fn note_places() {
     let printing = panic::take_hook();
     panic::set_hook(Box::new(move |panic| {
@@ -30,11 +31,11 @@ pub(super) fn note_places() {
 
 /// Runs `work`; a panic in it becomes an exception.
 pub(super) fn caught<T>(work: impl FnOnce() -> T) -> PyResult<T> {
-    // What `work` held when it panicked is dropped, and seen by nobody.
+    // Values that `work` owned when it panicked are dropped, and nobody sees them.
     catch_unwind(AssertUnwindSafe(work)).map_err(exception)
 }
 
-/// The exception for what a thread panicked with.
+/// Returns the exception for the payload of a panic.
 pub(super) fn exception(panic: Box<dyn Any + Send>) -> PyErr {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
@@ -43,13 +44,14 @@ pub(super) fn exception(panic: Box<dyn Any + Send>) -> PyErr {
     InternalError::new_err(format!("a bug in cfreg, please report it: {text}{place}"))
 }
 
-/// Gives tests something that panics: in builds for development only, and not among the public names.
+/// Registers a function that panics, for tests: only in development builds, and not among the
+/// public names.
 #[cfg(debug_assertions)]
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.setattr("_panic", wrap_pyfunction!(panic_for_tests, module)?)
 }
 
-/// Panics in long work, in a loop on several threads, without the interpreter or on the way there.
+/// Panic in long work, in a loop on several threads, without the interpreter or on the way there.
 #[cfg(debug_assertions)]
 #[pyfunction]
 #[pyo3(name = "_panic")]

@@ -1,7 +1,7 @@
-//! From two clouds to a pose, and the look at a pose.
+//! Registration of two clouds, and evaluation of a pose.
 //!
-//! Methods come as their name and their settings in JSON, answers go as JSON: the package's
-//! classes are the same configurations and results by their names in Python.
+//! Methods are passed as their name and their settings in JSON, and results are returned as JSON:
+//! the package's classes are the same configurations and results under their Python names.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -26,16 +26,16 @@ use cfreg::weight::Normalization;
 /// Name and settings, as a JSON object.
 pub(super) type Named = (String, String);
 
-/// What a registration may be given beside its method.
+/// Optional inputs of a registration beside its method.
 struct Given {
     weights: Option<(OwnWeights, Normalization)>,
     matches: Option<Vec<(u32, u32)>>,
 }
 
-/// Whether the pose is verified afterwards, and which points are left out before; a JSON object.
+/// Settings of the verification, and of the points that are removed before; a JSON object.
 #[derive(Deserialize)]
 pub(super) struct Options {
-    /// Whether poses without a verdict are verified: on, off or auto.
+    /// Verification of poses without a verdict: on, off or auto.
     verdict: String,
     keep_no_returns: bool,
 }
@@ -45,7 +45,7 @@ impl Options {
         serde_json::from_str(json).map_err(|error| SettingError::new_err(error.to_string()))
     }
 
-    /// The chain with them; `bulk`: it registers many pairs.
+    /// Adds these settings to a pipeline; `bulk` means that it registers many pairs.
     pub(super) fn put(&self, mut chain: Pipeline, bulk: bool) -> PyResult<Pipeline> {
         if self.keep_no_returns {
             chain = chain.keep_no_returns();
@@ -68,7 +68,7 @@ impl Options {
     }
 }
 
-/// Finds the pose of the source in the frame of the target; the answer as JSON.
+/// Estimate the pose of the source in the frame of the target; returns the result as JSON.
 #[pyfunction]
 #[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
@@ -116,7 +116,7 @@ pub(super) fn register(
     to_json(&found)
 }
 
-/// The result of the first method by weights or matches of one's own; `None` where there are none.
+/// Runs the first method with the user's weights or correspondences; `None` if there are none.
 fn begin(
     method: &Method,
     given: &Given,
@@ -138,7 +138,7 @@ fn begin(
     found.map(Some)
 }
 
-/// Every setting of a method, as JSON.
+/// Return every setting of a method, as JSON.
 #[pyfunction]
 pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
     let method = method_of("method", &(name, settings))?;
@@ -146,14 +146,14 @@ pub(super) fn settings(name: String, settings: String) -> PyResult<String> {
     to_json(&method)
 }
 
-/// The first method and its refinements.
+/// Returns the first method and its refinements.
 pub(super) fn chain_of(method: &Named, refinements: &[Named]) -> PyResult<(Method, Vec<Method>)> {
     let first = method_of("method", method)?;
     let refinements = refinements.iter().map(|named| method_of("refine", named));
     Ok((first, refinements.collect::<PyResult<_>>()?))
 }
 
-/// The method of that name with these settings, given as `argument`.
+/// Creates the method of that name with these settings, which were passed as `argument`.
 fn method_of(argument: &str, (name, settings): &Named) -> PyResult<Method> {
     let method: Method = name.parse().map_err(|error| about(argument, error))?;
     let settings: Map<String, Value> = serde_json::from_str(settings)
@@ -162,7 +162,7 @@ fn method_of(argument: &str, (name, settings): &Named) -> PyResult<Method> {
     caught(|| method.with(settings))?.map_err(exception)
 }
 
-/// How the source lies on the target under a pose, and how far that is from the truth; JSON.
+/// Evaluate how well the source fits the target under a pose, and its error to the truth; JSON.
 #[pyfunction]
 #[pyo3(signature = (source, target, transform, max_distance=None, truth=None))]
 pub(super) fn evaluate(
@@ -184,7 +184,7 @@ pub(super) fn evaluate(
     to_json(&judgement)
 }
 
-/// The verdict on a pose, whoever found it, with these settings of consensus; JSON.
+/// Return the verdict on a pose from any program, with these settings of consensus; JSON.
 #[pyfunction]
 pub(super) fn judge(
     py: Python<'_>,
@@ -203,8 +203,8 @@ pub(super) fn judge(
     to_json(&released(py, || judge.verify(source, target, &transform))?)
 }
 
-/// The vector, in radians, of the rotation that is nearest to a matrix (3, 3), and how far the matrix
-/// is from it.
+/// Return the vector, in radians, of the rotation nearest to a matrix (3, 3), and the distance of
+/// the matrix from it.
 #[pyfunction]
 pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<([f64; 3], f64)> {
     let nearest = caught(|| nearest_rotation(&matrix))?;
@@ -216,7 +216,7 @@ pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
-/// Whether a pose may be used: `verify::is_usable`. What is no pose may not.
+/// Return whether a pose may be used: `verify::is_usable`. False for an invalid pose.
 #[pyfunction]
 #[pyo3(signature = (transform, trusted, decision=None))]
 pub(super) fn is_usable(

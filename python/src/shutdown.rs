@@ -1,8 +1,8 @@
-//! Time without the interpreter, which may leave meanwhile.
+//! Work without the interpreter, which may exit meanwhile.
 //!
-//! Daemon threads go on while Python exits, and one that then asks for the interpreter again
-//! is unwound by force, which aborts the process. So Python waits, before it finalizes, for
-//! all that is detached, and threads that would come back stay here until the process ends.
+//! Daemon threads continue while Python exits. A thread that then requests the interpreter again is
+//! unwound by force, which aborts the process. So Python waits, before it finalizes, for all
+//! detached calls, and threads that would return stay here until the process ends.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::SeqCst};
@@ -14,22 +14,22 @@ use pyo3::prelude::*;
 use super::panics::caught;
 use cfreg::par;
 
-/// Longest wait at exit: a Python function that sleeps cannot be ended.
+/// Maximum wait at exit: a Python function that sleeps cannot be ended. Chosen by hand.
 const LONGEST: Duration = Duration::from_secs(5);
-/// Between two looks.
+/// Interval between two checks. Chosen by hand.
 const STEP: Duration = Duration::from_millis(5);
 
-/// Calls that are detached, in the process of that number: those of other threads do not
-/// follow into a fork.
+/// Number of detached calls, in the process with that number: calls of other threads do not
+/// continue in a fork.
 static DETACHED: AtomicUsize = AtomicUsize::new(0);
 static PROCESS: AtomicU32 = AtomicU32::new(0);
 
-/// The thread that ends the interpreter, once it does. Its own calls are still answered:
-/// Python runs functions while it ends.
+/// The thread that ends the interpreter, once it does. Its own calls still run: Python executes
+/// functions while it ends.
 static ENDING: OnceLock<ThreadId> = OnceLock::new();
 
-/// Runs `work` without the interpreter, so that other threads have it. A panic in it becomes an
-/// exception.
+/// Runs `work` without the interpreter, so that other threads can use it. A panic in the work
+/// becomes an exception.
 pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     py.detach(|| {
         let _away = Away::new();
@@ -37,14 +37,14 @@ pub(super) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send)
     })
 }
 
-/// Whether the interpreter ends, so that nobody waits for what this thread does.
+/// Returns whether the interpreter is ending, so that nobody waits for the work of this thread.
 pub(super) fn ending() -> bool {
     let elsewhere = |ending: &ThreadId| *ending != thread::current().id();
-    // Threads of a pool work for another, which decides.
+    // Threads of a pool work for another thread, which decides.
     ENDING.get().is_some_and(elsewhere) && !par::in_pool()
 }
 
-/// A thread is detached as long as this is there.
+/// Guard: a thread is detached as long as the guard exists.
 struct Away;
 
 impl Away {
@@ -67,7 +67,7 @@ impl Drop for Away {
     }
 }
 
-/// Asks all calls of other threads to end, and waits for them. Run by atexit.
+/// Request the end of all calls of other threads, and wait for them. Run by atexit.
 #[pyfunction]
 fn end(py: Python<'_>) {
     ENDING.get_or_init(|| thread::current().id());
@@ -80,7 +80,7 @@ fn end(py: Python<'_>) {
     });
 }
 
-/// Has [`end`] run before the interpreter ends.
+/// Registers [`end`] to run before the interpreter ends.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let end = wrap_pyfunction!(end, module)?;
     module.py().import("atexit")?.call_method1("register", (end,))?;

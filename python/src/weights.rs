@@ -1,4 +1,4 @@
-//! Weights from Python: a name, kernels put together, or a function on tiles.
+//! Weights from Python: a name, a composite of kernels, or a function on tiles.
 
 use std::sync::Mutex;
 
@@ -18,23 +18,23 @@ use cfreg::moments::{FullConnection, Moments};
 use cfreg::par;
 use cfreg::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};
 
-/// What weighs connections.
+/// Weights of connections.
 pub(super) enum Weights {
-    /// A kernel of the catalogue, whose bandwidth is given beside it.
+    /// A kernel of the catalogue, whose bandwidth is passed separately.
     Named(WeightScheme),
-    /// Something that needs no bandwidth beside it.
+    /// Weights that need no separate bandwidth.
     Own(OwnWeights),
 }
 
-/// Weights that carry all they need.
+/// Weights with all their parameters.
 pub(super) enum OwnWeights {
     Composite(Composite),
     Function(Function),
 }
 
 impl Weights {
-    /// `"gaussian"`, a kernel of `cfreg.weights`, or any callable; `name` is what errors call
-    /// it.
+    /// Reads `"gaussian"`, a kernel of `cfreg.weights`, or any callable; `name` is the name of the
+    /// argument in errors.
     pub(super) fn read(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Self> {
         if let Ok(text) = any.extract::<String>() {
             return text.parse().map(Weights::Named).map_err(|error| about(name, error));
@@ -59,7 +59,8 @@ impl Weights {
 }
 
 impl OwnWeights {
-    /// Where to weigh: a function may take a lock that other calls are made under.
+    /// Returns the pool for the computation: a function may take a lock that other calls are made
+    /// under.
     pub(super) fn pool(&self) -> Pool {
         match self {
             OwnWeights::Composite(_) => Pool::Shared,
@@ -81,7 +82,7 @@ impl OwnWeights {
         }
     }
 
-    /// The exception that a function of these weights has raised, if one has; else `outcome`.
+    /// Returns the exception that a function of these weights has raised, if any; else `outcome`.
     pub(super) fn blamed<T>(&self, outcome: PyResult<T>) -> PyResult<T> {
         let raised = match self {
             OwnWeights::Function(function) => {
@@ -93,11 +94,11 @@ impl OwnWeights {
     }
 }
 
-/// A Python function from an array (sources, targets) of squared distances to as many
-/// weights.
+/// A Python function from an array (sources, targets) of squared distances to an array of weights
+/// of the same shape.
 pub(super) struct Function {
     function: Py<PyAny>,
-    /// The first exception that it raised.
+    /// The first exception that the function raised.
     raised: Mutex<Option<PyErr>>,
 }
 
@@ -110,7 +111,7 @@ impl Function {
         let given = table(py, width, d2.to_vec());
         let found = self.function.call1(py, (&given,))?;
         let found = interop(py)?.call_method1("weights", (found,))?;
-        // Truths and whole numbers are weights, complex numbers are not.
+        // Booleans and integers are valid weights, complex numbers are not.
         let refused = |_| {
             let found = found.getattr("dtype").unwrap_or_else(|_| found.clone());
             let rule = "must be real numbers";
@@ -161,7 +162,7 @@ impl WeightKernel for Function {
     }
 }
 
-/// Weights (N,) of squared distances (N,) float32, as the connection computes them; of a
+/// Return weights (N,) of squared distances (N,) float32, as the connection computes them, for a
 /// kernel in JSON.
 #[pyfunction]
 pub(super) fn kernel_weights<'py>(
@@ -175,10 +176,10 @@ pub(super) fn kernel_weights<'py>(
     Ok(PyArray1::from_vec(py, d2))
 }
 
-/// Refuses a kernel, in JSON, that connections cannot be weighed with.
+/// Refuse a kernel, in JSON, that cannot weight connections.
 #[pyfunction]
 pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
-    // What descriptors will tell is within the range.
+    // Bandwidths derived from descriptors are within the range.
     let any = |bandwidth: Bandwidth| match bandwidth {
         Bandwidth::Fixed(beta) => Ok(beta),
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
@@ -187,8 +188,8 @@ pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
     caught(|| kernel.resolve(any).map(|_| ()))?.map_err(exception)
 }
 
-/// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call
-/// it.
+/// Parses a kernel in JSON, with kernels' names and numbers; `name` is the name of the argument in
+/// errors.
 fn composite(json: &str, name: &str) -> PyResult<Composite> {
     serde_json::from_str(json).map_err(|error| refused(name, error))
 }
