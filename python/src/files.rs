@@ -20,7 +20,7 @@ use cfreg::io;
 /// -------
 /// PointCloud, in the unit and frame of the file, with normals and viewpoint if it has them;
 ///     a column `weight` has the weights, others become channels, colours from 0 to 1. Names that
-///     are invalid for channels are changed (`GPS Time` is `GPS_Time`), faces and comments are skipped
+///     are invalid for channels are changed (`GPS Time` is `GPS_Time`), faces and comments skipped
 ///
 /// Raises
 /// ------

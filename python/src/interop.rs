@@ -16,7 +16,7 @@ use cfreg::math::Vec3;
 /// Treatment of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum BadRows {
-    /// Such rows are dropped and counted.
+    /// These rows are dropped and counted.
     Drop,
     /// The first is an error: data of the following rows would shift.
     Refuse,

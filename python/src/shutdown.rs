@@ -19,7 +19,7 @@ const LONGEST: Duration = Duration::from_secs(5);
 /// Interval between two checks. Chosen by hand.
 const STEP: Duration = Duration::from_millis(5);
 
-/// Number of detached calls, in the process with that number: calls of other threads do not
+/// Number of detached calls, in the process whose id is in `PROCESS`: calls of other threads do not
 /// continue in a fork.
 static DETACHED: AtomicUsize = AtomicUsize::new(0);
 static PROCESS: AtomicU32 = AtomicU32::new(0);
