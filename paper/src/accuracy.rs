@@ -27,14 +27,14 @@ impl Default for AccuracySettings {
     }
 }
 
-/// What came of the trials.
+/// Results of the trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AccuracyReport {
     /// The settings.
     pub settings: AccuracySettings,
     /// One error a trial, in order; `None` where there was no answer.
     pub errors: Vec<Option<PoseError>>,
-    /// Trials whose answer was not to be trusted.
+    /// Number of trials whose pose was reported as not trusted.
     pub doubted: usize,
 }
 
@@ -46,18 +46,18 @@ impl AccuracyReport {
             .map_or((f64::NAN, f64::NAN), |spread| (spread.mean, spread.deviation))
     }
 
-    /// Trials without an answer.
+    /// Returns the number of trials without a pose.
     pub fn failures(&self) -> usize {
         self.errors.iter().filter(|error| error.is_none()).count()
     }
 }
 
-/// Runs the test: both clouds of a pair are drawn from `model` independently, the target
-/// is moved, `method` finds the motion. `progress` is called after every trial.
+/// Runs the test: both clouds of a pair are sampled from `model` independently, the target is
+/// moved, `method` estimates the motion. `progress` is called after every trial.
 ///
 /// # Errors
-/// [`Error::Config`] for no trials or samples below three points, those of
-/// [`Model::sample`]. A trial without an answer is counted, not an error.
+/// [`Error::Config`] for no trials or samples below three points, the errors of [`Model::sample`].
+/// A trial without a pose is counted and is no error.
 pub fn run(
     model: &Model,
     method: &dyn Register,

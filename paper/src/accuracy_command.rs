@@ -16,11 +16,11 @@ use super::{print, progress};
 pub(super) struct AccuracyCommand {
     /// Model to sample: a cloud of at least --points points
     model: PathBuf,
-    /// Sample the faces or the range grid of a PLY file evenly by area, as the paper does,
-    /// not its points
+    /// Sample the faces or the range grid of a PLY file uniformly by area, as the paper does, not
+    /// its points
     #[arg(long)]
     by_area: bool,
-    /// Registration method, as of `cfreg register`
+    /// Registration method, as for `cfreg register`
     #[arg(long, default_value = "cf")]
     method: String,
     /// A setting of the method, by its name in the `config` of `cfreg register --json`

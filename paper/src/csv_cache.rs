@@ -1,5 +1,5 @@
-//! Tables of results as CSV that know what made them: a first line with all that they depend
-//! on, as JSON, and a last one that says how many rows there are.
+//! CSV tables of results with their provenance: the first line contains everything that they depend
+//! on, as JSON, and the last line contains the number of rows.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use crate::files;
 use cfreg::error::{Error, Result};
 
-/// Writes `rows`, made by `maker`.
+/// Writes `rows` with their provenance `maker`.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -25,7 +25,7 @@ pub(super) fn write<R: Serialize>(path: &Path, maker: &impl Serialize, rows: &[R
     files::write_bytes(path, &[first.as_bytes(), b"\n", &body, last.as_bytes()].concat())
 }
 
-/// Reads what [`write`] wrote, if it is there, whole and by this very maker.
+/// Reads the output of [`write`], if it exists, is complete and has the same `maker`.
 pub(super) fn read<R: DeserializeOwned>(path: &Path, maker: &impl Serialize) -> Option<Vec<R>> {
     let text = std::fs::read_to_string(path).ok()?;
     let (first, body) = text.split_once('\n')?;
@@ -38,7 +38,7 @@ pub(super) fn read<R: DeserializeOwned>(path: &Path, maker: &impl Serialize) -> 
 }
 
 fn first_line(maker: &impl Serialize) -> String {
-    // Plain structs of numbers and words: JSON has them all.
+    // Plain structs of numbers and strings: JSON can represent them all.
     format!("# {}", serde_json::to_string(maker).unwrap_or_default())
 }
 
@@ -65,7 +65,7 @@ mod tests {
         write(&path, &"maker", &rows).unwrap();
         assert_eq!(read(&path, &"maker"), Some(rows));
         assert_eq!(read::<Row>(&path, &"other"), None);
-        // Cut short, between rows and within one.
+        // Truncated, between rows and within one.
         let text = std::fs::read_to_string(&path).unwrap();
         for end in [text.rfind('#').unwrap(), text.len() - 15, text.len() - 1, 3] {
             std::fs::write(&path, &text[..end]).unwrap();

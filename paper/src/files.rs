@@ -1,11 +1,11 @@
-//! Files of results, replaced as a whole.
+//! Result files, replaced as a whole.
 
 use std::io::Write;
 use std::path::Path;
 
 use cfreg::{Error, Result};
 
-/// Writes `content` to `path`, by way of a file beside it; folders are made.
+/// Writes `content` to `path` through a temporary file beside it; creates missing folders.
 ///
 /// # Errors
 /// [`Error::Io`].

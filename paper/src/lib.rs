@@ -1,7 +1,7 @@
-//! The laboratory of `cfreg`: the experiments of the paper, the study of weight schemes, and how
-//! time and memory grow, with their tables and figures.
+//! The experiments of `cfreg`: those of the paper, the study of weight schemes, and the scaling of
+//! time and memory, with their tables and figures.
 //!
-//! It uses the public API of `cfreg` alone. The program `cfreg-paper` runs all of it:
+//! They use only the public API of `cfreg`. The program `cfreg-paper` runs all of them:
 //!
 //! ```sh
 //! cargo run --release -p cfreg-paper -- reproduce

@@ -1,5 +1,5 @@
-//! The program `cfreg-paper`: `reproduce` runs the experiments, `accuracy` the test of Table II on
-//! a cloud of one's own.
+//! The program `cfreg-paper`: `reproduce` runs the experiments, `accuracy` runs the test of Table
+//! II on any cloud.
 
 mod accuracy_command;
 mod reproduce;
@@ -13,8 +13,8 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use peak_alloc::PeakAlloc;
 
-/// Counts what is allocated, so that `reproduce` can tell the memory of a method. Resident memory
-/// would not do: it keeps what an earlier run has freed.
+/// Counts allocations, so that `reproduce` can report the memory of a method. Resident memory is
+/// not suitable: it includes memory that an earlier run has freed.
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
@@ -66,7 +66,7 @@ fn print(text: &str) -> cfreg::Result<()> {
     done.map_err(|error| Error::io("standard output", error))
 }
 
-/// A progress bar on stderr over `length` steps; hidden where stderr is no terminal.
+/// Creates a progress bar on stderr over `length` steps; hidden if stderr is no terminal.
 fn progress(length: u64, name: &'static str) -> ProgressBar {
     let target = match io::stderr().is_terminal() {
         true => ProgressDrawTarget::stderr(),

@@ -1,24 +1,24 @@
-//! What trials draw their clouds from.
+//! Models that trials sample their clouds from.
 
 use cfreg::cloud::{Mesh, PointCloud};
 use cfreg::error::{Error, Result};
 use cfreg::filter;
 use cfreg::math::Vec3;
 
-/// A scan, whose points are drawn, or a surface, which is sampled evenly by area.
+/// A scan, whose points are drawn, or a surface, which is sampled uniformly by area.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Model {
-    /// Points as they were scanned: denser where the sensor looked straight on.
+    /// Scanned points: denser where the sensor's incidence was perpendicular.
     Points(PointCloud),
-    /// Triangles: what the paper samples (section IV-A).
+    /// Triangles: the paper samples these (section IV-A).
     Surface(Mesh),
 }
 
 impl Model {
-    /// `count` points; the same `seed` draws the same.
+    /// Samples `count` points; the same `seed` gives the same points.
     ///
     /// # Errors
-    /// [`Error::TooFewPoints`] for a scan of fewer points; those of [`Mesh::sample`].
+    /// [`Error::TooFewPoints`] for a scan of fewer points; the errors of [`Mesh::sample`].
     pub fn sample(&self, count: usize, seed: u64) -> Result<PointCloud> {
         match self {
             Model::Points(cloud) if cloud.len() < count => Err(Error::TooFewPoints {
@@ -31,8 +31,8 @@ impl Model {
         }
     }
 
-    /// A number that tells this model from others: a hash of all coordinates and faces, the
-    /// same on every machine (FNV-1a, 64 bits, by Fowler, Noll and Vo).
+    /// Returns an identifier of the model: a hash of all coordinates and faces, the same on every
+    /// machine (FNV-1a, 64 bits, by Fowler, Noll and Vo).
     pub fn digest(&self) -> String {
         match self {
             Model::Points(cloud) => digest(cloud.positions(), &[]),
@@ -40,7 +40,7 @@ impl Model {
         }
     }
 
-    /// Mean of the points, or of the surface.
+    /// Returns the mean of the points, or of the surface.
     pub fn centroid(&self) -> Vec3 {
         match self {
             Model::Points(cloud) => cloud.centroid(),

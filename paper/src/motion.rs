@@ -1,4 +1,4 @@
-//! How a target is moved (the paper, section IV-A).
+//! Motions of the target (the paper, section IV-A).
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use cfreg::cloud::Transform;
 use cfreg::error::{Error, Result};
 use cfreg::math::{self, Vec3};
 
-/// Which of the paper's two kinds of motion.
+/// The paper's two kinds of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
@@ -23,7 +23,7 @@ pub enum Motion {
 }
 
 impl Motion {
-    /// In the order of the paper's tables.
+    /// Both kinds, in the order of the paper's tables.
     pub const ALL: [Motion; 2] = [Motion::Small, Motion::Large];
 
     /// Draws a motion for a model with this centroid.
@@ -32,9 +32,9 @@ impl Motion {
         self.rotate_about([(); 3].map(|()| half * (2.0 * rng.random::<f64>() - 1.0)), center)
     }
 
-    /// The one motion that the noise levels of section IV-B share: each entry of its
-    /// rotation vector is three quarters of the greatest, 29° or 117° in all. The paper does
-    /// not print its own; from half, 78°, CPD and DARE still find the large one, which its
+    /// Returns the one motion shared by the noise levels of section IV-B: each entry of its
+    /// rotation vector is three quarters of the maximum, 29° or 117° in total. The paper does not
+    /// print its own. With half, 78°, CPD and DARE still find the large one, which the paper's
     /// figure excludes.
     pub fn fixed(self, center: Vec3) -> Transform {
         self.rotate_about([0.75 * self.half_range(); 3], center)

@@ -10,11 +10,11 @@ use cfreg::error::{Error, Result};
 use cfreg::math::{self, Vec3};
 use cfreg::verify::{PoseError, pose_error};
 
-/// Raised whenever a trial of the same settings comes out otherwise than before: results
-/// that are kept are not mixed with others then.
+/// Revision of the results, incremented whenever a trial of the same settings changes: saved
+/// results are then not mixed with new ones.
 pub const REVISION: u32 = 1;
 
-/// What is made of the model.
+/// Generation of the clouds of a pair from the model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
@@ -24,10 +24,10 @@ pub enum Protocol {
         /// Standard deviation of the noise, in the model's unit.
         sigma: f64,
     },
-    /// Robustness to outliers (section IV-C): the same points twice, and more points in the
-    /// target, drawn evenly from a ball about its centroid.
+    /// Robustness to outliers (section IV-C): the same points twice, and additional points in the
+    /// target, sampled uniformly from a ball about its centroid.
     Robustness {
-        /// How many more.
+        /// Number of additional points.
         outliers: usize,
         /// Radius of the ball, in the model's unit.
         radius: f64,
@@ -36,25 +36,25 @@ pub enum Protocol {
     Accuracy,
 }
 
-/// Where the normals of a trial look.
+/// Viewpoint that the normals of a trial are oriented towards.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NormalViewpoint {
     /// At the origin of the frame, in both clouds: what PCL does unless told otherwise.
     #[default]
     Origin,
-    /// At the origin of the model's frame, which moves along with the target.
+    /// The origin of the model's frame, which moves along with the target.
     Along,
-    /// At the model's centroid, as in a frame that was centred first; it moves along.
+    /// The model's centroid, as in a frame that was centred first; it moves along.
     Centroid,
-    /// At this place in the model's frame; it moves along.
+    /// A position in the model's frame; it moves along.
     At(Vec3),
 }
 
-/// Which trial it is.
+/// Selection of a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Draw {
-    /// How the target is moved.
+    /// Kind of motion of the target.
     pub motion: Motion,
     /// Where normals look.
     pub viewpoint: NormalViewpoint,
@@ -62,11 +62,11 @@ pub struct Draw {
     pub points: usize,
     /// Seed of all trials.
     pub seed: u64,
-    /// Number of the trial: it is the same whether 8 or 100 are run.
+    /// Number of the trial: its data are the same if 8 or 100 trials are run.
     pub number: u64,
 }
 
-/// A pair whose pose is known.
+/// A pair with a known pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// PC1.
@@ -78,17 +78,17 @@ pub struct Trial {
 }
 
 impl Protocol {
-    /// The trial of that number.
+    /// Generates the trial of that number.
     ///
     /// # Errors
-    /// [`Error::Config`] for fewer than three points, or noise or a radius that is negative
-    /// or not finite, or a viewpoint that is not; those of [`Model::sample`].
+    /// [`Error::Config`] for fewer than three points, for noise or a radius that is negative or not
+    /// finite, and for a viewpoint that is not finite; the errors of [`Model::sample`].
     pub fn trial(&self, model: &Model, draw: Draw) -> Result<Trial> {
         self.validate()?;
         if draw.points < 3 {
             return Err(Error::config("points", draw.points, "must be at least 3"));
         }
-        // A generator a trial.
+        // One random generator a trial.
         let mut rng = ChaCha8Rng::seed_from_u64(draw.seed);
         rng.set_stream(draw.number);
         let center = model.centroid();
@@ -146,14 +146,13 @@ impl Protocol {
 const MAX_OUTLIERS: usize = 10_000_000;
 
 impl Trial {
-    /// How far `found` is from the truth.
+    /// Returns the error of `found` relative to the truth.
     pub fn error(&self, found: &Transform) -> PoseError {
         pose_error(found, &self.truth, self.source.centroid())
     }
 
-    /// The paper's average shift (section IV-B, after Tsin and Kanade): mean distance
-    /// between where `found` and where the truth puts the source's points, in the model's
-    /// unit.
+    /// Returns the paper's average shift (section IV-B, after Tsin and Kanade): the mean distance
+    /// between the source's points under `found` and under the true pose, in the model's unit.
     pub fn average_shift(&self, found: &Transform) -> f64 {
         let apart = |p| math::norm(math::sub(found.apply(p), self.truth.apply(p)));
         self.source.positions().map(apart).sum::<f64>() / self.source.len() as f64
@@ -207,7 +206,7 @@ mod tests {
             one.source.positions().zip(one.target.positions()).map(rest).collect();
         let square = rests.iter().map(|r| math::dot(*r, *r)).sum::<f64>();
         let sigma = (square / (3.0 * rests.len() as f64)).sqrt();
-        // Of 1200 numbers: known to 2 %, three times that is allowed.
+        // From 1200 numbers: known to 2 %, three times that is allowed.
         assert!((sigma / 0.02 - 1.0).abs() < 0.06, "{sigma}");
     }
 

@@ -26,7 +26,7 @@ pub(super) struct ReproduceCommand {
     /// Few trials, in a minute
     #[arg(long)]
     smoke: bool,
-    /// This part alone
+    /// Run this part only
     #[arg(long, value_name = "PART")]
     only: Option<ReproducePart>,
     /// Register nothing: write the pairs of Tables I and II to this folder, as arrays that
@@ -38,7 +38,7 @@ pub(super) struct ReproduceCommand {
     threads: usize,
 }
 
-/// Parts by the names that are typed.
+/// Parts by their names on the command line.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ReproducePart {
     /// Noise (section IV-B)
@@ -47,7 +47,7 @@ enum ReproducePart {
     Robustness,
     /// Independent samples (section IV-D, Table II)
     Accuracy,
-    /// The tests by each choice that the paper leaves
+    /// The tests under each interpretation that the paper leaves open
     Readings,
     /// The study of weight schemes
     Weights,
@@ -87,7 +87,7 @@ impl ReproduceCommand {
         }
         if wanted(ReproducePart::Scaling) {
             match self.scaling(data, meter) {
-                // What is there has been run.
+                // The available models have been run.
                 Err(error) if self.only.is_none() && models::is_missing(&error) => {
                     log_lines(&[format!("scaling left out: {error}")]);
                 }
@@ -101,7 +101,7 @@ impl ReproduceCommand {
         ExperimentOptions { data, output: self.output(), smoke: self.smoke, only }
     }
 
-    /// A check in small must not replace what took half an hour.
+    /// A smoke run must not replace results that took half an hour.
     fn output(&self) -> PathBuf {
         let usual = if self.smoke { "paper/smoke" } else { "paper/results" };
         self.output.clone().unwrap_or_else(|| usual.into())

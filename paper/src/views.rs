@@ -1,4 +1,4 @@
-//! Two views of a mesh that share a given part of what they see.
+//! Two views of a mesh with a given overlap.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,14 +10,14 @@ use cfreg::error::{Error, Result};
 use cfreg::math::{self, Vec3};
 
 /// Distance of a sensor from the centroid, in diagonals of the bounding box: near enough for
-/// perspective to count, as with an object on a turntable.
+/// perspective to matter, as with an object on a turntable.
 const DISTANCE: f64 = 3.0;
-/// How near the overlap of two views is to the one asked for; a face or so of a coarse mesh.
+/// Tolerance of the overlap of two views; a face or so of a coarse mesh.
 const TOLERANCE: f64 = 0.002;
 /// Most views that are tried: from half a turn, bisection alone ends at a thousandth of a degree.
 const MAX_ITERATIONS: usize = 18;
 
-/// A mesh, to be seen from two sides at a time.
+/// A mesh, to be seen from pairs of viewpoints.
 #[derive(Debug, Clone)]
 pub struct Views {
     mesh: Mesh,
@@ -33,12 +33,12 @@ struct ViewPair {
 }
 
 impl Views {
-    /// Views of `mesh`, whose faces turn their fronts outwards.
+    /// Creates views of `mesh`, whose faces have their fronts outwards.
     ///
     /// # Errors
-    /// Those of [`Mesh::visible_faces`].
+    /// The errors of [`Mesh::visible_faces`].
     pub fn new(mesh: Mesh) -> Result<Self> {
-        // Lost vertices are found here, all else that is wrong with a mesh by looking at it.
+        // This finds missing vertices; rendering the mesh finds all other defects.
         mesh.area_of(&vec![true; mesh.faces.len()])?;
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for &vertex in mesh.faces.as_flattened() {
@@ -53,21 +53,22 @@ impl Views {
         Ok(Views { mesh, center, distance })
     }
 
-    /// A pair of views: `points` drawn by area from what each sees, independently, and the
-    /// overlap that was reached, by area: the share of what the source's sensor sees that the
-    /// target's sees too. It is within 0.002 of `overlap`, but for coarse meshes.
+    /// Generates a pair of views: `points` sampled by area from the visible part of each,
+    /// independently, and the reached overlap, by area: the share of the area seen by the source's
+    /// sensor that the target's sensor sees, too. It is within 0.002 of `overlap`, except for
+    /// coarse meshes.
     ///
-    /// The source's sensor stands in a random direction, three diagonals of the bounding box
-    /// from the centroid; the target's is turned about the centroid from there, about a random
-    /// axis across the line of sight. With an overlap of 1 both are in one place. Each cloud
-    /// has its sensor as its viewpoint; the target is moved by the paper's large motion. Of one
-    /// `seed` and `number`, pairs of different overlaps share the first sensor, the axis and
-    /// the motion.
+    /// The source's sensor is in a random direction, three diagonals of the bounding box from the
+    /// centroid; the target's is rotated about the centroid from there, about a random axis across
+    /// the line of sight. With an overlap of 1 both are at the same position. Each cloud has its
+    /// sensor as its viewpoint; the target is moved by the paper's large motion. For the same
+    /// `seed` and `number`, pairs of different overlaps share the first sensor, the axis and the
+    /// motion.
     ///
     /// # Errors
     /// [`Error::Config`] for an overlap outside [0, 1], or below that of opposite views, and for
-    /// fewer than three points or more than a mesh gives; [`Error::TooFewPoints`] where a
-    /// sensor sees nothing.
+    /// fewer than three points or more than a mesh gives; [`Error::TooFewPoints`] if a sensor sees
+    /// nothing.
     pub fn trial(
         &self,
         overlap: f64,
@@ -111,8 +112,8 @@ impl Views {
             let seen = [first.clone(), seen];
             Ok::<ViewPair, Error>(ViewPair { sensors: [sensor(0.0), sensor(angle)], seen, overlap })
         };
-        // False position, an end that stays twice at half its weight (Dowell and Jarratt 1971,
-        // "Illinois"): the overlap falls from 1 to about 0 over half a turn, nearly in a line.
+        // False position, with the weight halved for an end that stays twice (Dowell and Jarratt
+        // 1971, "Illinois"): the overlap falls from 1 to about 0 over half a turn, nearly linearly.
         let (mut near, mut far) = ((0.0, 1.0 - asked), (std::f64::consts::PI, 0.0));
         let mut best = if near.1 <= TOLERANCE { view(0.0)? } else { view(far.0)? };
         far.1 = best.overlap - asked;
@@ -162,7 +163,8 @@ mod tests {
     use super::*;
     use cfreg::cloud::shape::boulder;
 
-    /// Share of `cloud`, at `pose` of the mesh, that is within `reach` of a point of `other`.
+    /// Returns the share of `cloud`, at `pose` of the mesh, that is within `reach` of a point of
+    /// `other`.
     fn near(cloud: &[Vec3], other: &[Vec3], reach: f64) -> f64 {
         let close = |p: &&Vec3| other.iter().any(|q| math::norm(math::sub(**p, *q)) < reach);
         cloud.iter().filter(close).count() as f64 / cloud.len() as f64
@@ -177,8 +179,8 @@ mod tests {
             let source: Vec<Vec3> =
                 trial.source.positions().map(|p| trial.truth.apply(p)).collect();
             let target: Vec<Vec3> = trial.target.positions().collect();
-            // Points are 0.04 apart; those beyond the rim of what is shared, which is about
-            // 6 long about an area of 3, but within reach of it count as shared.
+            // Points are 0.04 apart; points beyond the rim of the shared part, which is about 6
+            // long about an area of 3, but within reach of it count as shared.
             let found = near(&source, &target, 0.06);
             assert!(found > reached - 0.03 && found < reached + 0.15, "{asked}: {found}");
         }
@@ -199,7 +201,7 @@ mod tests {
         assert_eq!(source.viewpoint(), one.0.source.viewpoint());
         let moved = whole.0.source.transformed(&whole.0.truth).unwrap();
         assert_ne!(moved.points(), target.points());
-        // Every point is on the sensor's side of the boulder, whose normals look outwards.
+        // Every point is on the sensor's side of the boulder, whose normals point outwards.
         let sensor = source.viewpoint().unwrap();
         let far = source.positions().filter(|&p| math::dot(p, sensor) < 0.0).count();
         assert!(far < 30, "{far}");

@@ -1,7 +1,7 @@
-//! Arrays to rows of numbers, and back.
+//! Conversion of arrays to rows of numbers, and back.
 //!
-//! What is read is copied once, by numpy: other threads may then write into the array while
-//! it is worked with, and nothing is read from it that they wrote.
+//! Numpy copies the input once: other threads may then write into the array while it is processed,
+//! and their changes are never read.
 
 use std::borrow::Cow;
 
@@ -56,7 +56,7 @@ impl<'py> NumericArray<'py> {
         if found.is_equiv_to(&dtype::<f64>(py)) {
             return Ok(NumericArray::F64(contiguous_copy(any)?));
         }
-        // Whole numbers and floats of other kinds; neither truth values nor complex numbers.
+        // Integers and floats of other kinds; neither booleans nor complex numbers.
         match found.kind() {
             b'i' | b'u' | b'f' => {
                 let converted = any.call_method1("astype", ("float64", "C"))?;
@@ -66,7 +66,7 @@ impl<'py> NumericArray<'py> {
         }
     }
 
-    /// Rows and columns.
+    /// Returns rows and columns.
     pub(super) fn shape(&self) -> [usize; 2] {
         match self {
             NumericArray::F32(table) => [table.shape()[0], table.shape()[1]],
@@ -93,7 +93,7 @@ impl<'py> NumericArray<'py> {
         bad.map_or(Ok(()), |at| Err(non_finite_error(name, at / width)))
     }
 
-    /// The values in f64, row after row.
+    /// Returns the values in f64, row after row.
     pub(super) fn values(&self, py: Python<'_>) -> PyResult<Cow<'_, [f64]>> {
         Ok(match self {
             NumericArray::F32(table) => {
@@ -111,7 +111,7 @@ fn contiguous_copy<'py, T: Element>(any: &Bound<'py, PyAny>) -> PyResult<PyReado
     Ok(copy.cast::<PyArray2<T>>()?.try_readonly()?)
 }
 
-/// The array itself, or what stands for one: masked arrays, tensors, data frames.
+/// Returns the array itself, or converts an array-like object: masked arrays, tensors, data frames.
 pub(super) fn as_array<'py>(any: &Bound<'py, PyAny>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     if any.get_type().is(PyUntypedArray::type_object(any.py())) {
         return Ok(any.clone());
@@ -166,7 +166,7 @@ pub(super) fn values_for_points(
     Ok(array_for_points(&column, name, points, owner)?.values(any.py())?.into_owned())
 }
 
-/// The descriptors of both sides.
+/// Reads the descriptors of both sides.
 pub(super) fn descriptors(
     py: Python<'_>,
     source: &NumericArray<'_>,
@@ -225,7 +225,7 @@ pub(super) fn to_array2<T: Element>(
     PyArray2::from_owned_array(py, table)
 }
 
-/// `array`, which nobody else holds yet, made read-only.
+/// Makes `array`, which has no other owner yet, read-only.
 pub(super) fn read_only<'py, T: Element, D: Dimension>(
     array: Bound<'py, PyArray<T, D>>,
 ) -> Bound<'py, PyArray<T, D>> {

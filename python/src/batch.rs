@@ -1,4 +1,4 @@
-//! Lists of pairs from Python.
+//! Batch registration from Python.
 
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ use cfreg::method::Pipeline;
 use cfreg::par::Interrupt;
 use cfreg::pose_graph::Tangent;
 
-/// How a list is run, as the package gives it in JSON.
+/// Settings of a batch run, as passed by the package in JSON.
 #[derive(Deserialize)]
 struct BatchSettings {
     threads: usize,
@@ -74,17 +74,17 @@ impl BatchSettings {
     }
 }
 
-/// Pairs, as they were given.
+/// The pairs, as given by the caller.
 #[derive(FromPyObject)]
 pub(super) enum PairsArg {
     /// By their names.
     Names(Vec<(String, String)>),
-    /// A file with a list.
+    /// A file with a list of pairs.
     File(PathBuf),
 }
 
-/// Registers pairs and gives the columns of their rows, {name: (kind, values)}; with an `output`
-/// writes them, and gives numbers of pairs: all, taken over, trusted, without an answer.
+/// Register pairs and return the columns of their rows, {name: (kind, values)}. With an `output`,
+/// write the rows, and return the numbers of pairs: all, resumed, trusted, without a pose.
 #[pyfunction]
 #[pyo3(signature = (pairs, clouds, folder, method, refinements, settings, output=None, progress=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
@@ -154,7 +154,7 @@ pub(super) fn register_batch(
     }
 }
 
-/// Pairs of source and target of a list.
+/// Return the pairs of source and target of a list.
 #[pyfunction]
 pub(super) fn read_list(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, String)>> {
     let list = run_interruptible(py, || PairList::read(&path, Path::new("")))?;
@@ -165,7 +165,7 @@ pub(super) fn read_list(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, 
     Ok((0..list.len()).map(pair).collect())
 }
 
-/// Columns of results that were written, as `register_batch` gives them.
+/// Return the columns of written results, as `register_batch` does.
 #[pyfunction]
 pub(super) fn read_batch(py: Python<'_>, path: PathBuf) -> PyResult<Py<PyAny>> {
     let rows = run_interruptible(py, || batch::results::read(&path))?;
@@ -173,7 +173,7 @@ pub(super) fn read_batch(py: Python<'_>, path: PathBuf) -> PyResult<Py<PyAny>> {
     columns(py, &rows, times)
 }
 
-/// Writes a graph of the rows, in JSON Lines; gives its numbers of clouds, parts and edges,
+/// Write a graph of the rows, in JSON Lines; return its numbers of clouds, components and edges,
 /// and of poses that are not accepted and that are left out.
 #[pyfunction]
 pub(super) fn write_g2o(
@@ -206,14 +206,14 @@ pub(super) fn write_g2o(
     })
 }
 
-/// Pairs of each of `count` scans with those that many before it.
+/// Return pairs of each of `count` scans with the scans `steps` before it.
 #[pyfunction]
 pub(super) fn consecutive(count: usize, steps: Vec<usize>) -> PyResult<Vec<(usize, usize)>> {
     let pairs = batch::sequential_pairs(count, &steps).map_err(to_pyerr)?;
     Ok(pairs.into_iter().map(Into::into).collect())
 }
 
-/// Pairs of places (N, 3) that are near each other.
+/// Return pairs of positions (N, 3) that are near each other.
 #[pyfunction]
 pub(super) fn within(
     py: Python<'_>,
@@ -251,8 +251,8 @@ impl ProgressCallback {
     }
 }
 
-/// {name: (kind, values)}: texts as a list with None, the rest as arrays, with False, -1 and NaN
-/// where a row has nothing.
+/// Returns {name: (kind, values)}: texts as a list with None, the rest as arrays, with False, -1
+/// and NaN for missing values of a row.
 fn columns(py: Python<'_>, rows: &[Row], times: bool) -> PyResult<Py<PyAny>> {
     let all = PyDict::new(py);
     for (name, column) in Row::columns(rows, times) {

@@ -1,4 +1,4 @@
-//! `PointCloud`: made once, used for any number of calls.
+//! `PointCloud`: created once, used for any number of calls.
 
 use std::collections::BTreeMap;
 
@@ -19,30 +19,30 @@ use cfreg::error::Error;
 use cfreg::math::Vec3;
 use cfreg::{filter, search};
 
-/// Points, optionally with unit normals and the place they were seen from.
+/// Points, optionally with unit normals and a viewpoint.
 ///
-/// Made once, it is used by any number of calls without another copy. It cannot be changed.
+/// Any number of calls use it without another copy. It is immutable.
 ///
 /// Parameters
 /// ----------
 /// points : (N, 3) numbers in any unit: an array of float32 or float64 with any strides, which
 ///     is read as it is, or one of integers or other floats, or a list of rows, which become
-///     float64. Rows with a NaN or an infinity (or a mask) are left out and counted in
-///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista or small_gicp, whose
-///     normals come along
-/// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined. Also all that
-///     estimate_normals returned for the same points
-/// viewpoint : three numbers in the frame of the points, where the sensor stood. Normals
-///     that are estimated point towards it
-/// weights : (N,) numbers, 0 or more and not all 0: how much each point counts. 2 is as good
-///     as having the point twice, 0 as not connecting it
-/// channels : {name: (N,) numbers}, finite: what points may be compared by beside their shape
-///     (`cfreg.CF(channels=...)`). Colours of the other libraries come along as red, green, blue, 0
-///     to 1; of pyvista and of Open3D's tensors all columns that are finite, `weight` as weights
+///     float64. Rows with a NaN or an infinity (or a mask) are dropped and counted in
+///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista or small_gicp, with
+///     its normals
+/// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined. Also the
+///     whole result of estimate_normals for the same points
+/// viewpoint : three numbers, the position of the sensor in the frame of the points. Estimated
+///     normals point towards it
+/// weights : (N,) numbers, 0 or more and not all 0: the weight of each point. 2 is equivalent
+///     to having the point twice, 0 to not connecting it
+/// channels : {name: (N,) numbers}, finite: scalars by which points may be compared beside their
+///     shape (`cfreg.CF(channels=...)`). Colours of the other libraries become red, green, blue, 0
+///     to 1; for pyvista and Open3D's tensors all finite columns are used, `weight` as weights
 ///
 /// Raises
 /// ------
-/// Error : what is no such thing
+/// Error : any other type of input
 /// ShapeError : not (N, 3), or not one normal a point
 /// ExtentError : coordinates that span more than 1e15 or less than 1e-15, or one beyond 1e75
 ///
@@ -57,7 +57,7 @@ use cfreg::{filter, search};
 #[pyclass(frozen, module = "cfreg", name = "PointCloud")]
 pub(super) struct PyCloud {
     cloud: Cloud,
-    /// What `points` and `normals` return, made when first asked for.
+    /// Results of `points` and `normals`, created on first use.
     points: PyOnceLock<Py<PyAny>>,
     normals: PyOnceLock<Py<PyAny>>,
 }
@@ -79,7 +79,7 @@ impl PyCloud {
     ) -> PyResult<Cloud> {
         let cloud = interop::read_cloud(any, name, normals, bad_rows)?;
         let Ok(given) = any.cast::<PyCloud>() else { return Ok(cloud) };
-        // All else that the other one has.
+        // All other attributes of the given cloud.
         let given = &given.get().cloud;
         let weights = given.weights().map(<[f32]>::to_vec);
         let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
@@ -115,7 +115,7 @@ impl PyCloud {
             }
             _ => PyCloud::from_any(points, "points", normals, BadRows::Drop)?,
         };
-        // What a `PointCloud` has dropped is no row of it.
+        // Rows that a `PointCloud` has dropped do not count.
         let rows = match (given, &weights, &channels) {
             (Some(_), ..) | (_, None, None) => RowSelection::new(cloud.len()),
             _ => RowSelection::from_points(points, &cloud)?,
@@ -140,13 +140,13 @@ impl PyCloud {
         Ok(cloud.into())
     }
 
-    /// (N,) float32 array of how much each point counts, read-only; None where all count alike.
+    /// (N,) float32 array of the points' weights, read-only; None if all have the same weight.
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f32>>> {
         self.cloud.weights().map(|weights| read_only(PyArray1::from_slice(py, weights)))
     }
 
-    /// {name: (N,) float32 array, read-only}, in the order in which they were given.
+    /// {name: (N,) float32 array, read-only}, in the order of the input.
     #[getter]
     fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let channels = PyDict::new(py);
@@ -156,8 +156,8 @@ impl PyCloud {
         Ok(channels)
     }
 
-    /// (N, 3) array of the coordinates, read-only: float32 as they are worked with, or
-    /// float64 where the cloud lies so far from zero that float32 would lose digits.
+    /// (N, 3) array of the coordinates, read-only: float32 as used internally, or float64 if the
+    /// cloud is so far from zero that float32 would lose digits.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let made = self.points.get_or_try_init(py, || {
@@ -173,8 +173,8 @@ impl PyCloud {
         Ok(made.bind(py).clone())
     }
 
-    /// (N, 3) float32 array of unit normals, read-only, zero where undefined; None where the
-    /// cloud has none.
+    /// (N, 3) float32 array of unit normals, read-only, zero where undefined; None if the cloud has
+    /// none.
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(normals) = self.cloud.normals() else { return Ok(None) };
@@ -185,48 +185,48 @@ impl PyCloud {
         Ok(Some(made.bind(py).clone()))
     }
 
-    /// Where the cloud was seen from, or None.
+    /// Viewpoint of the cloud, or None.
     #[getter]
     fn viewpoint<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         self.cloud.viewpoint().map(|at| read_only(PyArray1::from_slice(py, &at)))
     }
 
-    /// Rows that marked measurements without a return, and were left out.
+    /// Number of rows that marked measurements without a return, and were removed.
     #[getter]
     fn no_returns(&self) -> usize {
         self.cloud.no_returns()
     }
 
-    /// Points with a NaN or infinite coordinate that were left out.
+    /// Number of points with a NaN or infinite coordinate that were dropped.
     #[getter]
     fn dropped(&self) -> usize {
         self.cloud.dropped()
     }
 
-    /// Lowest and highest corner, two rows of three; None where the cloud is empty.
+    /// Lowest and highest corner, two rows of three; None if the cloud is empty.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let bounds = detach(py, || self.cloud.bounds())?;
         Ok(bounds.map(|(low, high)| read_only(to_array2(py, 3, [low, high].concat()))))
     }
 
-    /// Median distance from a point to the next, in the unit of the points; 0 for fewer than
-    /// two places.
+    /// Median distance from a point to the nearest other one, in the unit of the points; 0 for
+    /// fewer than two positions.
     #[getter]
     fn resolution(&self, py: Python<'_>) -> PyResult<f64> {
         run_interruptible(py, || search::resolution(self.cloud.points()))
     }
 
-    /// One point a cube: the mean of the points, and of the normals, in it.
+    /// Return one point per voxel: the mean of the points, and of the normals, in it.
     ///
-    /// size : side of the cubes, in the unit of the points, above 0. SettingError otherwise
+    /// size : side of the voxels, in the unit of the points, above 0. SettingError otherwise
     fn voxel(&self, py: Python<'_>, #[pyo3(from_py_with = real)] size: f64) -> PyResult<Self> {
         run_interruptible(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
     }
 
-    /// Points drawn at random without replacement, in their order.
+    /// Draw points at random without replacement, in their order.
     ///
-    /// count : how many, at least 1; the whole cloud where it has no more
+    /// count : how many, at least 1; the whole cloud if it has no more
     /// seed : the same seed draws the same points on every machine
     #[pyo3(signature = (count, seed=0))]
     fn sample(
@@ -243,31 +243,31 @@ impl PyCloud {
         run_interruptible(py, || Ok(filter::sample(&self.cloud, count, seed))).map(Self::from)
     }
 
-    /// The cloud moved by a pose, with its normals and its viewpoint.
+    /// Move the cloud by a pose, with its normals and its viewpoint.
     ///
-    /// transform : (4, 4), rotation times scale, and translation. SettingError where it is no
-    /// such matrix
+    /// transform : (4, 4), rotation times scale, and translation. SettingError if it is no such
+    /// matrix
     fn transformed(&self, py: Python<'_>, transform: &Bound<'_, PyAny>) -> PyResult<Self> {
         let transform = parse_pose(transform, "transform")?;
         run_interruptible(py, || self.cloud.transformed(&transform)).map(Self::from)
     }
 
-    /// The cloud as an `open3d.geometry.PointCloud`, normals too. Needs Open3D.
+    /// Convert the cloud to an `open3d.geometry.PointCloud`, normals too. Needs Open3D.
     fn to_open3d<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         interop_module(slf.py())?.call_method1("to_open3d", (slf,))
     }
 
-    /// The cloud as a `trimesh.PointCloud`. Needs trimesh.
+    /// Convert the cloud to a `trimesh.PointCloud`. Needs trimesh.
     fn to_trimesh<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         interop_module(slf.py())?.call_method1("to_trimesh", (slf,))
     }
 
-    /// The cloud as a `pyvista.PolyData`, normals too. Needs pyvista.
+    /// Convert the cloud to a `pyvista.PolyData`, normals too. Needs pyvista.
     fn to_pyvista<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         interop_module(slf.py())?.call_method1("to_pyvista", (slf,))
     }
 
-    /// The cloud as a `small_gicp.PointCloud`. Needs small_gicp.
+    /// Convert the cloud to a `small_gicp.PointCloud`. Needs small_gicp.
     fn to_small_gicp<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         interop_module(slf.py())?.call_method1("to_small_gicp", (slf,))
     }
@@ -338,7 +338,7 @@ impl PyCloud {
         (slf.get_type().getattr("_from_parts")?, state).into_pyobject(py)
     }
 
-    /// A cloud from its pickle.
+    /// Return a cloud from its pickle.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "the parts of a cloud")]
     fn _from_parts(
@@ -379,7 +379,7 @@ impl PyCloud {
     }
 }
 
-/// Channels by their names: a dict, or what can become one, as data frames can.
+/// Reads channels by name: a dict, or an object that can be converted to one, such as a data frame.
 fn mapping<'py>(any: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
     if let Ok(dict) = any.cast::<PyDict>() {
         return Ok(dict.clone());

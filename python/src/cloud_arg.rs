@@ -1,4 +1,4 @@
-//! Whatever stands for a cloud where one is asked for.
+//! Cloud arguments of every accepted kind.
 
 use std::path::PathBuf;
 
@@ -50,7 +50,7 @@ impl<'py> CloudArg<'py> {
         }
     }
 
-    /// The cloud.
+    /// Returns the cloud.
     pub(super) fn get(&self) -> &PointCloud {
         match self {
             CloudArg::Given(given) => given.get().cloud(),

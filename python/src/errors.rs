@@ -68,7 +68,7 @@ pyo3::create_exception!(
 /// The exception for `error`, with its message.
 pub(super) fn to_pyerr(error: Failure) -> PyErr {
     match error {
-        // Three arguments make the subclass that belongs to the number: FileNotFoundError.
+        // Three arguments create the subclass for the number: FileNotFoundError.
         Failure::Io { path, source } => match source.raw_os_error() {
             Some(number) => {
                 let message = source.to_string();
@@ -158,17 +158,17 @@ pub(super) fn non_finite_error(argument: &str, row: usize) -> PyErr {
     ))
 }
 
-/// A whole number of any size; beyond those of 64 bits the largest or the least of these.
+/// Reads an integer of any size; beyond 64 bits the largest or the smallest 64-bit integer.
 pub(super) fn whole(any: &Bound<'_, PyAny>) -> PyResult<i64> {
     any.extract().or_else(|error| saturate(any, error, [i64::MIN, i64::MAX]))
 }
 
-/// A number of any size; beyond those of 64 bits an infinity.
+/// Reads a number of any size; beyond 64 bits an infinity.
 pub(super) fn real(any: &Bound<'_, PyAny>) -> PyResult<f64> {
     any.extract().or_else(|error| saturate(any, error, [f64::NEG_INFINITY, f64::INFINITY]))
 }
 
-/// The same, or None.
+/// Reads a number of any size, or None.
 pub(super) fn optional_real(any: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     if any.is_none() { Ok(None) } else { real(any).map(Some) }
 }

@@ -27,23 +27,23 @@ type NormalsAndCurvature<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
+/// points : PointCloud, (N, 3) numbers, or any other input of PointCloud; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
-///     all points where there are fewer
-/// viewpoint : three numbers in the frame of the points, where the sensor stood; normals
-///     point towards it. None: that of the PointCloud, or else the origin. (For clouds that
-///     lie more than about 50 times their size away from it, a round place nearby that moves
+///     all points if there are fewer
+/// viewpoint : three numbers, the position of the sensor in the frame of the points; normals
+///     point towards it. None: the viewpoint of the PointCloud, or else the origin. (For clouds
+///     more than about 50 times their size away from it, a rounded position nearby that moves
 ///     along with map offsets.)
 ///
 /// Returns
 /// -------
-/// normals : (N, 3) float32, of unit length; zero where the neighbourhood has no plane
+/// normals : (N, 3) float32, of unit length; zero if the neighbourhood has no plane
 /// curvature : (N,) float32, smallest eigenvalue of the neighbourhood's covariance over
 ///     the sum of all three, 0 on a plane to 1/3
 ///
 /// Raises
 /// ------
-/// NonFiniteError : a row that is not finite, named
+/// NonFiniteError : a row that is not finite; the message names it
 /// ShapeError : not (N, 3)
 /// SettingError : a setting out of range
 /// Error : not an array or list of numbers
@@ -71,16 +71,16 @@ pub(super) fn estimate_normals<'py>(
     Ok((vectors, PyArray1::from_vec(py, normals.curvature)))
 }
 
-/// Find keypoints: the few points that stand out from their surroundings.
+/// Find keypoints: the few points that are distinctive in their surroundings.
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
-/// detector : "sift", extrema of a number a point over place and scale, or "iss",
+/// points : PointCloud, (N, 3) numbers, or any other input of PointCloud; any unit
+/// detector : "sift", extrema of one scalar per point over position and scale, or "iss",
 ///     intrinsic shape signatures
-/// values : (N,) numbers, one a point, that SIFT looks at. None: the
-///     curvature that estimate_normals finds with 150 neighbors
-/// settings : of the detector, by name: for "sift" unit, min_scale, octaves, scales and
+/// values : (N,) numbers, one a point, that SIFT uses. None: the
+///     curvature from estimate_normals with 150 neighbors
+/// settings : settings of the detector, by name: for "sift" unit, min_scale, octaves, scales and
 ///     min_contrast, for "iss" unit, salient_radius, non_max_radius, gamma21, gamma32 and
 ///     min_neighbors. Lengths are in the cloud's resolution, or in `unit`
 ///
@@ -90,7 +90,7 @@ pub(super) fn estimate_normals<'py>(
 ///
 /// Raises
 /// ------
-/// NonFiniteError : a row that is not finite, named
+/// NonFiniteError : a row that is not finite; the message names it
 /// ShapeError : not (N, 3)
 /// SettingError : a setting out of range
 /// Error : not an array or list of numbers
@@ -140,9 +140,9 @@ pub(super) fn keypoints<'py>(
 ///
 /// Parameters
 /// ----------
-/// points : PointCloud, (N, 3) numbers, or whatever else PointCloud takes; any unit
+/// points : PointCloud, (N, 3) numbers, or any other input of PointCloud; any unit
 /// neighbors : nearest points of a neighbourhood, the point itself counted, at least 3;
-///     all points where there are fewer
+///     all points if there are fewer
 /// scale : "pcl", three blocks of 11 bins that sum to 100 each (what PCL computes), or
 ///     "open3d", blocks that sum to 200 (what Open3D computes)
 /// viewpoint : see estimate_normals; only without normals
@@ -151,12 +151,12 @@ pub(super) fn keypoints<'py>(
 ///
 /// Returns
 /// -------
-/// (N, 33) float32; a row is zero for a point without others around it. Pairs that tell
-/// nothing (equal places, a normal that is zero as on a line) count in the middle bins
+/// (N, 33) float32; a row is zero for a point without others around it. Degenerate pairs (equal
+/// positions, a normal that is zero as on a line) count in the middle bins
 ///
 /// Raises
 /// ------
-/// NonFiniteError : a row that is not finite, named
+/// NonFiniteError : a row that is not finite; the message names it
 /// ShapeError : not (N, 3), or not one normal a point
 /// SettingError : a setting out of range; normals and a viewpoint at once
 /// Error : not an array or list of numbers

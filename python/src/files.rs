@@ -1,4 +1,4 @@
-//! Clouds from files and into files.
+//! Reading and writing of cloud files.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use super::gil::run_interruptible;
 use super::interop::BadRows;
 use cfreg::io;
 
-/// Reads a cloud from a file: PLY, PCD, XYZ, TXT or CSV, told apart by content.
+/// Read a cloud from a file: PLY, PCD, XYZ, TXT or CSV, recognised by content.
 ///
 /// Parameters
 /// ----------
@@ -20,12 +20,12 @@ use cfreg::io;
 /// -------
 /// PointCloud, in the unit and frame of the file, with normals and viewpoint if it has them;
 ///     a column `weight` has the weights, others become channels, colours from 0 to 1. Names that
-///     no channel has are changed (`GPS Time` is `GPS_Time`), faces and comments are skipped
+///     are invalid for channels are changed (`GPS Time` is `GPS_Time`), faces and comments skipped
 ///
 /// Raises
 /// ------
-/// OSError : the file cannot be read (FileNotFoundError and its kin)
-/// FileFormatError : it is not what it claims to be, a coordinate is beyond 1e75, a pipe has more
+/// OSError : the file cannot be read (FileNotFoundError and other subclasses)
+/// FileFormatError : the content is not of its format, a coordinate is beyond 1e75, a pipe has more
 ///     than 256 MiB; names the line or byte
 ///
 /// Examples
@@ -40,23 +40,23 @@ pub(super) fn read(py: Python<'_>, path: PathBuf) -> PyResult<PyCloud> {
     run_interruptible(py, || io::read(path)).map(PyCloud::from)
 }
 
-/// Writes a cloud to a file; the extension says the format: .ply .pcd .xyz .txt .csv.
+/// Write a cloud to a file; the extension selects the format: .ply .pcd .xyz .txt .csv.
 ///
-/// Coordinates are written as float, or as double where the cloud lies far from zero: the file
-/// has `points` to the last bit, and read() gets them back, far from zero within 4e-7 of the
-/// cloud's size. Colours of files and of Open3D are whole numbers again; names that the format
-/// cannot hold are changed. A file that was there is replaced once all is written.
+/// Coordinates are written as float, or as double if the cloud is far from zero. The file contains
+/// `points` to the last bit, and read() returns them, far from zero within 4e-7 of the cloud's
+/// size. Colours of files and of Open3D become integers again; names that the format does not allow
+/// are changed. An existing file is replaced once all is written.
 ///
 /// Parameters
 /// ----------
 /// path : str or path
-/// cloud : whatever PointCloud takes; rows that are not finite are left out, normals written
-///     where there are any. Only .pcd keeps a viewpoint
+/// cloud : any input of PointCloud; rows that are not finite are dropped, normals written
+///     if there are any. Only .pcd keeps a viewpoint
 ///
 /// Raises
 /// ------
 /// SettingError : another extension
-/// OSError : the system refuses; a file that was there before is as it was
+/// OSError : the system refuses; an existing file is unchanged
 #[pyfunction]
 pub(super) fn write(py: Python<'_>, path: PathBuf, cloud: &Bound<'_, PyAny>) -> PyResult<()> {
     let cloud = CloudArg::read(cloud, "cloud", None, BadRows::Drop)?;

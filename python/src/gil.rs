@@ -1,4 +1,4 @@
-//! The one way from Python into long work: without the interpreter, to be ended by Ctrl-C.
+//! The only way from Python into long work: without the interpreter, interruptible by Ctrl-C.
 
 use std::sync::OnceLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -15,18 +15,18 @@ use cfreg::par::{self, Interrupt};
 /// How long a signal waits at most before it is looked at.
 const SIGNAL_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// On whose threads loops run.
+/// Threads on which loops run.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Pool {
-    /// On those of all calls.
+    /// The threads shared by all calls.
     Shared,
-    /// On threads of this call alone: for work that may wait for other calls, as Python
-    /// functions do that take a lock.
+    /// Threads of this call alone: for work that may wait for other calls, such as Python functions
+    /// that take a lock.
     Own,
 }
 
-/// Runs `work` in a thread of its own while this one, without the interpreter, waits for it
-/// and looks after signals: other Python threads go on, and Ctrl-C ends the work. A panic in it
+/// Runs `work` in a separate thread while this one, without the interpreter, waits for it and
+/// handles signals: other Python threads continue, and Ctrl-C ends the work. A panic in the work
 /// becomes an exception.
 pub(super) fn run_interruptible<T: Send>(
     py: Python<'_>,
@@ -44,7 +44,7 @@ pub(super) fn run_interruptible_on<T: Send>(
     let interrupt = Interrupt::default();
     let (send, receive) = channel();
     let within = interrupt.clone();
-    // A weight written in Python may call on us again, from a thread that waits for it.
+    // A Python weight function may call this module again, from a thread that waits for it.
     let pool = if par::in_pool() { Pool::Own } else { pool };
     let worker = move || {
         // Nobody waits for an answer after an interrupt.

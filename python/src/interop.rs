@@ -1,4 +1,4 @@
-//! Clouds made of arrays, and of what other libraries have for a cloud.
+//! Clouds from arrays, and from the point clouds of other libraries.
 
 use numpy::PyUntypedArray;
 use pyo3::PyTypeInfo;
@@ -13,12 +13,12 @@ use super::shutdown::detach;
 use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 use cfreg::math::Vec3;
 
-/// What becomes of rows that are not finite.
+/// Treatment of rows that are not finite.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum BadRows {
-    /// They are left out and counted.
+    /// These rows are dropped and counted.
     Drop,
-    /// The first is an error: what belongs to the others would shift.
+    /// The first is an error: data of the following rows would shift.
     Refuse,
 }
 
@@ -98,7 +98,7 @@ fn dropped_rows_hint(
     String::new()
 }
 
-/// The cloud with the colours, weights and channels of what it was made from, where that has any.
+/// Adds the colours, weights and channels of the input object, if it has any.
 fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointCloud> {
     let py = any.py();
     if any.get_type().is(PyUntypedArray::type_object(py)) || any.cast::<PyCloud>().is_ok() {
@@ -111,7 +111,7 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
     }
     let rows = RowSelection::from_points(any, &cloud)?;
     let mut cloud = cloud;
-    // Nobody has asked for these: those that a cloud cannot have are left out.
+    // Nobody has requested these: invalid ones are left out.
     if let Some(weights) = weights {
         let weights = rows.column(&weights, "weights")?;
         if weights.iter().all(|w| w.is_finite() && *w >= 0.0) && weights.iter().any(|w| *w > 0.0) {
@@ -127,7 +127,7 @@ fn with_attributes(cloud: PointCloud, any: &Bound<'_, PyAny>) -> PyResult<PointC
         }
         let in_range = column.iter().all(|x| (0.0..=1.0).contains(x));
         let color = in_range && ["red", "green", "blue"].contains(&name.as_str());
-        // Files have colours as whole numbers, as that library's own.
+        // Files store colours as integers, as in that library's own files.
         channels = match color {
             true => channels.with_color(&name, column, ColorDepth::Eight),
             false => channels.with(&name, column),

@@ -1,9 +1,9 @@
-//! The face towards Python: translates, decides nothing.
+//! The Python bindings: they translate and make no decisions.
 //!
-//! Only this folder names pyo3 and numpy. It makes the extension module `cfreg._native`, the
-//! ground floor of the package in the folder `python/cfreg`: here are clouds, features,
-//! moments and the calls of long work, there the methods, weights and results by their
-//! names in Python, and what is known of other libraries.
+//! Only this folder uses pyo3 and numpy. It builds the extension module `cfreg._native`, the base
+//! of the package in the folder `python/cfreg`. This module has clouds, features, moments and the
+//! calls of long work; the package has the methods, weights and results under their Python names,
+//! and the support of other libraries.
 //!
 //! `arrays` turns arrays into numbers and back, `interop` arrays and the clouds of other
 //! libraries into clouds, `cloud_arg` whatever stands for one; `gil` is the one way into
@@ -11,8 +11,8 @@
 //! it that what goes on without the interpreter outlives it in peace; `errors` makes exceptions
 //! of the crate's errors, `panics` of its panics.
 //!
-//! Doc comments of what Python sees are its docstrings. Defaults stand in the signatures
-//! for `help()`; the module's tests compare them with those of the Rust structs.
+//! Doc comments of items visible in Python are their docstrings. Defaults are in the signatures for
+//! `help()`; the module's tests compare them with the defaults of the Rust structs.
 
 mod arrays;
 mod batch;

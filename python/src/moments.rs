@@ -31,8 +31,8 @@ use cfreg::par;
 use cfreg::pose::{Prior, ScaleEstimate, Solver, solve_with as solved};
 use cfreg::weight::{Bandwidth, Composite, Normalization};
 
-/// Sums over all weighted pairs of source points p and target points q, about fixed
-/// origins: all that a closed form needs. Made by moments(); attributes are read-only.
+/// Sums over all weighted pairs of source points p and target points q, about fixed origins: the
+/// input of every closed form. Created by moments(); attributes are read-only.
 ///
 /// With p' = p - source_origin and q' = q - target_origin, in the unit of the points:
 ///
@@ -99,10 +99,10 @@ impl Moments {
         self.0.effective_connections()
     }
 
-    /// The weighted residual, sum of w |T p - q|^2, of any pose.
+    /// Return the weighted residual, sum of w |T p - q|^2, of any pose.
     ///
     /// transform : (4, 4), T_target_source: rotation times scale, and translation.
-    /// ValueError where it is no such matrix.
+    /// ValueError if it is no such matrix.
     fn residual(&self, transform: &Bound<'_, PyAny>) -> PyResult<f64> {
         let transform = parse_pose(transform, "transform")?;
         catch_panic(|| self.0.residual(&transform))
@@ -113,7 +113,7 @@ impl Moments {
         (slf.get_type().getattr("_from_json")?, state).into_pyobject(slf.py())
     }
 
-    /// Moments from their pickle.
+    /// Return moments from their pickle.
     #[staticmethod]
     fn _from_json(json: &str) -> PyResult<Self> {
         serde_json::from_str(json).map(Moments).map_err(|error| settings_error("json", error))
@@ -133,34 +133,34 @@ fn to_array1(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
     read_only(PyArray1::from_slice(py, &values))
 }
 
-/// Weigh every source point against every target point by the distance of their
-/// descriptors, and sum. Memory is O(N + M).
+/// Weight every source point against every target point by the distance of their descriptors, and
+/// sum. Memory is O(N + M).
 ///
-/// Distances are computed in float32 about the mean of all descriptors: a squared distance
-/// is off by some 1e-7 of the squares of both descriptors from there, also where it should
-/// be 0. For FPFH, of squares to some 1e4, that is up to 2e-4, where beta is 100.
+/// Distances are computed in float32 about the mean of all descriptors: the error of a squared
+/// distance is some 1e-7 of the squares of both descriptors about this mean, also if it should be
+/// 0. For FPFH, with squares up to some 1e4, that is up to 2e-4, where beta is 100.
 ///
 /// Parameters
 /// ----------
-/// source_points, target_points : PointCloud, (N, 3) and (M, 3) numbers, or whatever else
-///     PointCloud takes
+/// source_points, target_points : PointCloud, (N, 3) and (M, 3) numbers, or any other input
+///     of PointCloud
 /// source_descriptors, target_descriptors : (N, D) and (M, D) numbers, of any kind; fpfh()
-///     makes one
+///     computes one kind
 /// weights : kernel of the squared distance d^2: "gaussian" exp(-d^2/beta), "laplacian",
 ///     "cauchy", "geman-mcclure", "truncated", "student-t:NU", "tukey", "uniform"; a kernel
-///     of cfreg.weights, or several put together; or any function that is given a float32
+///     of cfreg.weights, or a combination of several; or any function that receives a float32
 ///     array (sources, targets) of squared distances, part by part, and returns as many
 ///     weights (where masked: 0), each from its distance alone. Functions are called in
-///     threads of their own, several at once: locks that the caller holds, its context
-///     variables and numpy.errstate are not theirs
+///     separate threads, several at once: they do not have the locks that the caller holds,
+///     its context variables and numpy.errstate
 /// beta : squared bandwidth in squared units of the descriptors, 1e-12 to 1e12; "auto", or
 ///     "auto:SHARE", the share (0.25) of the median squared distance to the most similar
 ///     point of the other cloud. None: the paper's 100, for FPFH of scale "pcl". Only for
-///     weights that are a name: the others have their own
+///     weights given by name: the others have their own bandwidth
 /// normalize : "none", "source", "target", "both" (dual softmax) or "sinkhorn:N"
 /// tolerance : how much of the sum of weights may be left out, as a share of it, 0 to below
 ///     1, which is faster for clouds of tens of thousands of points. 0: every pair. Only for
-///     weights that are a name or one kernel
+///     weights given by name or as one kernel
 /// threads : 0 for all cores; never changes the result
 ///
 /// Returns
@@ -171,7 +171,7 @@ fn to_array1(py: Python<'_>, values: Vec3) -> Bound<'_, PyArray1<f64>> {
 /// ------
 /// RegistrationError : no point (TooFewPointsError), or no connection with any weight
 ///     (NoWeightError)
-/// NonFiniteError : a row that is not finite, named
+/// NonFiniteError : a row that is not finite; the message names it
 /// ShapeError : not (N, 3), or not one descriptor a point
 /// SettingError : a setting out of range
 /// Error : not an array or list of numbers
@@ -267,12 +267,12 @@ fn parse_bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
     text.parse().map_err(|error| argument_error("beta", error))
 }
 
-/// Sum over pairs that are listed: correspondences of one's own.
+/// Sum over listed pairs: correspondences of your own.
 ///
 /// Parameters
 /// ----------
-/// source_points, target_points : as in moments(); a PointCloud that has left out rows is
-///     refused, for its rows are others
+/// source_points, target_points : as in moments(); a PointCloud that has dropped rows is
+///     refused, because its row numbers differ
 /// pairs : (K, 2) integers, a row of source_points and one of target_points each
 /// weights : (K,) numbers, finite and not negative. None: all 1
 ///
@@ -282,8 +282,8 @@ fn parse_bandwidth(any: &Bound<'_, PyAny>) -> PyResult<Bandwidth> {
 ///
 /// Raises
 /// ------
-/// NoWeightError : no pair, or none with any weight
-/// ShapeError : a row that is not there, or not one weight a pair
+/// NoWeightError : no pair, or all weights are zero
+/// ShapeError : a row that does not exist, or not one weight a pair
 /// NonFiniteError, SettingError, Error : as in moments()
 ///
 /// Examples
@@ -320,7 +320,7 @@ pub(super) fn moments_of_pairs(
     sums.map(Moments)
 }
 
-/// Rows (K, 2) of indices.
+/// Reads rows (K, 2) of indices.
 pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u32, u32)>> {
     let array = as_array(any, name)?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -335,7 +335,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
         return Err(errors::Error::new_err(message));
     }
     let py = any.py();
-    // Whole numbers above i64's become negative there, which are no rows either.
+    // Integers above i64's become negative there, and negative rows do not exist, either.
     let highest = array.call_method0("max").ok().filter(|_| shape[0] > 0);
     if let Some(highest) = highest
         && highest.gt(u32::MAX)?
@@ -358,10 +358,10 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
 /// ----------
 /// moments : Moments
 /// solver : "arun" (SVD), "horn-quaternion", "horn-matrix" or "walker" (dual quaternion);
-///     all give the same answer
+///     all give the same pose
 /// scale : "fixed" (1), "umeyama" (least squares; shrinks on a full connection) or
 ///     "symmetric" (square root of the ratio of variances)
-/// prior : cfreg.Prior, what is known of the pose; the answer is the best that it allows
+/// prior : cfreg.Prior, prior knowledge of the pose; the result is the best pose that it allows
 ///
 /// Returns
 /// -------
@@ -370,7 +370,7 @@ pub(super) fn index_pairs(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<(u
 ///
 /// Raises
 /// ------
-/// DegenerateError : the weighted pairs do not determine a rotation
+/// DegenerateError : the weighted pairs do not constrain the rotation
 /// SettingError : a setting out of range
 #[pyfunction]
 #[pyo3(signature = (moments, solver="arun", scale="fixed", prior=None))]

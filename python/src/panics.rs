@@ -1,7 +1,7 @@
-//! Panics of the crate, which are bugs, as exceptions of the package.
+//! Conversion of panics of the crate, which are bugs, to exceptions of the package.
 //!
-//! The hook that is set here is that of this extension module: it is linked with a standard library
-//! of its own, so that no other module of the process prints less.
+//! The hook set here applies to this extension module alone: it is linked with its own standard
+//! library, so that other modules of the process print as before.
 
 use std::any::Any;
 use std::env;
@@ -43,13 +43,14 @@ pub(super) fn panic_to_pyerr(panic: Box<dyn Any + Send>) -> PyErr {
     InternalError::new_err(format!("a bug in cfreg, please report it: {text}{place}"))
 }
 
-/// Gives tests something that panics: in builds for development only, and not among the public names.
+/// Registers a function that panics, for tests: only in development builds, and not among the
+/// public names.
 #[cfg(debug_assertions)]
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.setattr("_panic", wrap_pyfunction!(panic_for_tests, module)?)
 }
 
-/// Panics in long work, in a loop on several threads, without the interpreter or on the way there.
+/// Panic in long work, in a loop on several threads, without the interpreter or on the way there.
 #[cfg(debug_assertions)]
 #[pyfunction]
 #[pyo3(name = "_panic")]

@@ -1,7 +1,7 @@
-//! From two clouds to a pose, and the look at a pose.
+//! Registration of two clouds, and evaluation of a pose.
 //!
-//! Methods come as their name and their settings in JSON, answers go as JSON: the package's
-//! classes are the same configurations and results by their names in Python.
+//! Methods are passed as their name and their settings in JSON, and results are returned as JSON:
+//! the package's classes are the same configurations and results under their Python names.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -33,7 +33,7 @@ struct MethodInputs {
     scores: Option<Vec<f32>>,
 }
 
-/// Whether the pose is verified afterwards, and which points are left out before; a JSON object.
+/// Settings of the verification, and of the points that are removed before; a JSON object.
 #[derive(Deserialize)]
 pub(super) struct RegistrationOptions {
     /// Whether poses without a verdict are verified: on, off or auto.
@@ -69,7 +69,7 @@ impl RegistrationOptions {
     }
 }
 
-/// Finds the pose of the source in the frame of the target; the answer as JSON.
+/// Estimate the pose of the source in the frame of the target; returns the result as JSON.
 #[pyfunction]
 #[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None, scores=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
@@ -204,7 +204,7 @@ fn parse_method(argument: &str, (name, settings): &NamedMethod) -> PyResult<Meth
     catch_panic(|| method.with(settings))?.map_err(to_pyerr)
 }
 
-/// How the source lies on the target under a pose, and how far that is from the truth; JSON.
+/// Evaluate how well the source fits the target under a pose, and its error to the truth; JSON.
 #[pyfunction]
 #[pyo3(signature = (source, target, transform, max_distance=None, truth=None))]
 pub(super) fn evaluate(
@@ -226,7 +226,7 @@ pub(super) fn evaluate(
     to_json(&judgement)
 }
 
-/// The verdict on a pose, whoever found it, with these settings of consensus; JSON.
+/// Return the verdict on a pose from any program, with these settings of consensus; JSON.
 #[pyfunction]
 pub(super) fn judge(
     py: Python<'_>,
@@ -246,8 +246,8 @@ pub(super) fn judge(
     to_json(&run_interruptible(py, || judge.verify(source, target, &transform))?)
 }
 
-/// The vector, in radians, of the rotation that is nearest to a matrix (3, 3), and how far the matrix
-/// is from it.
+/// Return the vector, in radians, of the rotation nearest to a matrix (3, 3), and the distance of
+/// the matrix from it.
 #[pyfunction]
 pub(super) fn rotation_vector(matrix: [[f64; 3]; 3]) -> PyResult<([f64; 3], f64)> {
     let nearest = catch_panic(|| nearest_rotation(&matrix))?;
@@ -259,7 +259,7 @@ pub(super) fn to_json(value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
-/// Whether a pose may be used: `verify::is_usable`. What is no pose may not.
+/// Return whether a pose may be used: `verify::is_usable`. False for an invalid pose.
 #[pyfunction]
 #[pyo3(signature = (transform, trusted, decision=None))]
 pub(super) fn is_usable(

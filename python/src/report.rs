@@ -1,4 +1,4 @@
-//! Pages and pictures of results.
+//! Report pages and pictures of results.
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -8,7 +8,7 @@ use super::gil::run_interruptible;
 use super::interop::BadRows;
 use cfreg::report::PairReport;
 
-/// The page of a result, given as JSON, and of the clouds that it is of.
+/// Create the page of a result, given as JSON, and of its clouds.
 #[pyfunction]
 pub(super) fn report(
     py: Python<'_>,
@@ -22,7 +22,7 @@ pub(super) fn report(
     run_interruptible(py, || PairReport::new(result, source, target)?.html())
 }
 
-/// The aligned clouds as a small PNG.
+/// Draw the aligned clouds as a small PNG.
 #[pyfunction]
 pub(super) fn thumbnail<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! What belongs to the rows of points that were handed over: a column of numbers for each.
+//! Data per input row of points: a column of numbers for each.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use cfreg::cloud::{Channels, ColorDepth, PointCloud};
 /// The rows of points that were handed over, and which of them a cloud keeps.
 pub(super) struct RowSelection {
     number: usize,
-    /// `None` where all are kept.
+    /// Indices of the kept rows; `None` if all are kept.
     kept: Option<Vec<usize>>,
 }
 
@@ -43,7 +43,7 @@ impl RowSelection {
         Ok(RowSelection { number, kept: Some((0..number).filter(|&row| finite[row]).collect()) })
     }
 
-    /// Of numbers (N,), of any kind and one a row, those of the rows that are kept.
+    /// Reads numbers (N,), of any kind and one a row, and returns those of the kept rows.
     pub(super) fn column(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f64>> {
         let array = as_array(any, name)?;
         let refused = || {
@@ -51,7 +51,7 @@ impl RowSelection {
             Error::new_err(format!("{name}: must be numbers, one a point, not {given}"))
         };
         let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
-        // Neither texts nor complex numbers, both of which numpy would convert.
+        // Neither strings nor complex numbers, both of which numpy would convert.
         if !"biufO".contains(&kind) {
             return Err(refused());
         }
@@ -71,12 +71,12 @@ impl RowSelection {
         })
     }
 
-    /// The same as a channel has them.
+    /// Reads a column as f32 values of a channel.
     pub(super) fn channel(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<f32>> {
         Ok(self.column(any, name)?.into_iter().map(|x| x as f32).collect())
     }
 
-    /// The channels {name: numbers (N,)}; those with a largest whole number are colours.
+    /// Reads the channels {name: numbers (N,)}; channels with a largest integer are colours.
     pub(super) fn channels(
         &self,
         given: &Bound<'_, PyDict>,

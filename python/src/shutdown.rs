@@ -1,8 +1,8 @@
-//! Time without the interpreter, which may leave meanwhile.
+//! Work without the interpreter, which may exit meanwhile.
 //!
-//! Daemon threads go on while Python exits, and one that then asks for the interpreter again
-//! is unwound by force, which aborts the process. So Python waits, before it finalizes, for
-//! all that is detached, and threads that would come back stay here until the process ends.
+//! Daemon threads continue while Python exits. A thread that then requests the interpreter again is
+//! unwound by force, which aborts the process. So Python waits, before it finalizes, for all
+//! detached calls, and threads that would return stay here until the process ends.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::SeqCst};
@@ -67,7 +67,7 @@ impl Drop for DetachedGuard {
     }
 }
 
-/// Asks all calls of other threads to end, and waits for them. Run by atexit.
+/// Request the end of all calls of other threads, and wait for them. Run by atexit.
 #[pyfunction]
 fn end(py: Python<'_>) {
     SHUTDOWN_THREAD.get_or_init(|| thread::current().id());
@@ -80,7 +80,7 @@ fn end(py: Python<'_>) {
     });
 }
 
-/// Has [`end`] run before the interpreter ends.
+/// Registers [`end`] to run before the interpreter ends.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let end = wrap_pyfunction!(end, module)?;
     module.py().import("atexit")?.call_method1("register", (end,))?;

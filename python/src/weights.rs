@@ -1,4 +1,4 @@
-//! Weights from Python: a name, kernels put together, or a function on tiles.
+//! Weights from Python: a name, a composite of kernels, or a function on tiles.
 
 use std::sync::Mutex;
 
@@ -18,9 +18,9 @@ use cfreg::moments::{FullConnection, Moments};
 use cfreg::par;
 use cfreg::weight::{Bandwidth, Composite, Normalization, WeightKernel, WeightScheme};
 
-/// What weighs connections.
+/// Weights of connections.
 pub(super) enum Weights {
-    /// A kernel of the catalogue, whose bandwidth is given beside it.
+    /// A kernel of the catalogue, whose bandwidth is passed separately.
     Named(WeightScheme),
     /// Something that needs no bandwidth beside it.
     Custom(CustomWeights),
@@ -33,8 +33,8 @@ pub(super) enum CustomWeights {
 }
 
 impl Weights {
-    /// `"gaussian"`, a kernel of `cfreg.weights`, or any callable; `name` is what errors call
-    /// it.
+    /// Reads `"gaussian"`, a kernel of `cfreg.weights`, or any callable; `name` is the name of the
+    /// argument in errors.
     pub(super) fn read(any: &Bound<'_, PyAny>, name: &str) -> PyResult<Self> {
         if let Ok(text) = any.extract::<String>() {
             return text.parse().map(Weights::Named).map_err(|error| argument_error(name, error));
@@ -99,7 +99,7 @@ impl CustomWeights {
 /// weights.
 pub(super) struct PythonKernel {
     function: Py<PyAny>,
-    /// The first exception that it raised.
+    /// The first exception that the function raised.
     raised: Mutex<Option<PyErr>>,
 }
 
@@ -163,7 +163,7 @@ impl WeightKernel for PythonKernel {
     }
 }
 
-/// Weights (N,) of squared distances (N,) float32, as the connection computes them; of a
+/// Return weights (N,) of squared distances (N,) float32, as the connection computes them, for a
 /// kernel in JSON.
 #[pyfunction]
 pub(super) fn kernel_weights<'py>(
@@ -177,10 +177,10 @@ pub(super) fn kernel_weights<'py>(
     Ok(PyArray1::from_vec(py, d2))
 }
 
-/// Refuses a kernel, in JSON, that connections cannot be weighed with.
+/// Refuse a kernel, in JSON, that cannot weight connections.
 #[pyfunction]
 pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
-    // What descriptors will tell is within the range.
+    // Bandwidths derived from descriptors are within the range.
     let any = |bandwidth: Bandwidth| match bandwidth {
         Bandwidth::Fixed(beta) => Ok(beta),
         Bandwidth::Auto(_) => bandwidth.validate().map(|()| 1.0),
@@ -189,8 +189,8 @@ pub(super) fn check_kernel(kernel: &str) -> PyResult<()> {
     catch_panic(|| kernel.resolve(any).map(|_| ()))?.map_err(to_pyerr)
 }
 
-/// The kernel of that JSON, made of kernels' names and of numbers; `name` is what errors call
-/// it.
+/// Parses a kernel in JSON, with kernels' names and numbers; `name` is the name of the argument in
+/// errors.
 fn composite(json: &str, name: &str) -> PyResult<Composite> {
     serde_json::from_str(json).map_err(|error| settings_error(name, error))
 }

@@ -7,7 +7,7 @@ use crate::math::{self, Vec3};
 /// Cosine of the most oblique incidence that is still seen, 80°: beyond, triangulating sensors get
 /// too little light back, and a sample's footprint is six times as long as wide.
 const MIN_INCIDENCE_COSINE: f64 = 0.173_648_177_666_930_33;
-/// Tangent of the largest angle from the line of sight, 75°: a plane image cannot hold wider views.
+/// Tangent of the largest angle from the line of sight, 75°: a plane image cannot show wider views.
 const MAX_VIEW_TANGENT: f64 = 3.732_050_807_568_877;
 /// Pixels a side of the smallest and of the largest image. Chosen by hand.
 const IMAGE_SIZE_RANGE: (f64, f64) = (256.0, 4096.0);

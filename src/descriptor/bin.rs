@@ -1,17 +1,17 @@
-//! Bins of the angles of pairs: what f32 can tell for sure, the rest in f64.
+//! Bins of the angles of pairs: f32 where it is certain, the rest in f64.
 //!
-//! Eleven bins a right answer away from their edges need few digits. So the angles of a pair are
-//! first computed in f32, with a bound of their rounding; pairs with an angle so near to an edge
-//! that rounding may decide are computed again in f64. The bins are those of f64, always: an exact
-//! answer behind a filter, as geometric predicates do (Shewchuk 1997, "Adaptive Precision
-//! Floating-Point Arithmetic and Fast Robust Geometric Predicates").
+//! Eleven bins need few digits, unless an angle is near an edge. So the angles of a pair are first
+//! computed in f32, with a bound of their rounding; pairs with an angle so near to an edge that
+//! rounding may decide are computed again in f64. The bins are always those of f64: an exact result
+//! behind a filter, as in geometric predicates (Shewchuk 1997, "Adaptive Precision Floating-Point
+//! Arithmetic and Fast Robust Geometric Predicates").
 //!
 //! # The bound
-//! With u = 2⁻²⁴ and unit normals: d = p₂ − p₁ is off by u‖d‖, n·d by 4 u‖d‖ and hence its
-//! share of ‖d‖ by 10 u; d × u by 4.3 u‖d‖, hence v and w by some 13 u ‖d‖/‖d × u‖, v·n₂ and
-//! w·n₂ by 22 u ‖d‖/‖d × u‖ at most; finding the bin adds 4 u. Normals of length l
-//! make that l² as much, and the growth 1/l: [`EDGE_TOLERANCE`] of 64 u is enough up to l² = 1.5. Longer
-//! ones are left to f64.
+//! With u = 2⁻²⁴ and unit normals: the error of d = p₂ − p₁ is u‖d‖, of n·d 4 u‖d‖ and hence of its
+//! share of ‖d‖ 10 u; of d × u 4.3 u‖d‖, hence of v and w some 13 u ‖d‖/‖d × u‖, of v·n₂ and w·n₂
+//! at most 22 u ‖d‖/‖d × u‖; finding the bin adds 4 u. Normals of length l multiply the errors by
+//! l², and the amplification by 1/l: [`EDGE_TOLERANCE`] of 64 u is enough up to l² = 1.5. Longer
+//! normals are computed in f64.
 
 use num_traits::Float;
 
@@ -19,17 +19,17 @@ use super::layout::BLOCK;
 use super::pair_features::PairFeatures;
 use crate::math;
 
-/// Pairs that are looked at together.
+/// Number of pairs computed together.
 pub(super) const LANES: usize = 16;
-/// Pairs in f64 at a time: as many as there are f32 in a vector would not stay in registers.
+/// Pairs in f64 at a time: as many as f32 in a vector would not stay in registers.
 const HALF: usize = LANES / 2;
 
-/// An angle's sine or cosine nearer than this, times [`PairFeatures::rounding_gain`], to an edge of bins is
-/// left to f64.
+/// A sine or cosine whose distance from an edge of bins is below this, times
+/// [`PairFeatures::rounding_gain`], is computed in f64.
 const EDGE_TOLERANCE: f32 = 64.0 * (f32::EPSILON / 2.0);
-/// Squared lengths of normals that the bound holds for.
+/// Largest squared length of normals for which the bound is valid.
 const MAX_SQUARED_NORMAL: f32 = 1.5;
-/// Squared distances of which f32 loses no digits on the way.
+/// Squared distances for which no intermediate f32 value loses digits.
 const SQUARED_DISTANCE_RANGE: std::ops::Range<f32> = 1e-24..1e36;
 
 /// An oriented point.
@@ -47,7 +47,7 @@ pub(super) struct OrientedPointLanes {
 }
 
 impl OrientedPointLanes {
-    /// Takes those of a cloud that are named by `others`.
+    /// Gathers the points of a cloud at the indices `others`.
     #[inline(always)]
     pub(super) fn fill(
         &mut self,
@@ -64,7 +64,7 @@ impl OrientedPointLanes {
         }
     }
 
-    /// Without closures, which need not be inlined: descriptors then took four times as long.
+    /// Without closures, which need not be inlined: with them descriptors took four times as long.
     #[inline(always)]
     fn get(&self, k: usize) -> OrientedPoint {
         let ([x, y, z], [u, v, w]) = (&self.place, &self.normal);
@@ -72,16 +72,16 @@ impl OrientedPointLanes {
     }
 }
 
-/// Bins of θ, α and φ of `point` with each of `others`.
+/// Computes the bins of θ, α and φ of `point` with each of `others`.
 ///
-/// Called within a SIMD dispatch.
+/// The call is inside a SIMD dispatch.
 #[inline(always)]
 pub(super) fn bins(point: OrientedPoint, others: &OrientedPointLanes) -> [[u32; LANES]; 3] {
     let (found, doubted) = bins_f32(point, others);
     if doubted == 0 { found } else { bins_f64(point, others) }
 }
 
-/// In f32, and how many may be wrong.
+/// Computes the bins in f32, and counts those that may be wrong.
 #[inline(always)]
 fn bins_f32(point: OrientedPoint, others: &OrientedPointLanes) -> ([[u32; LANES]; 3], u32) {
     let (mut theta, mut alpha, mut phi) = ([0; LANES], [0; LANES], [0; LANES]);
@@ -98,7 +98,7 @@ fn bins_f32(point: OrientedPoint, others: &OrientedPointLanes) -> ([[u32; LANES]
         let nearest = min_unchecked(at, min_unchecked(aa, af));
         let longest = |own: f32, other: f32| if own > other { own } else { other };
         let length = longest(own, math::dot(other.normal, other.normal));
-        // Written so that NaN is in doubt.
+        // Written so that NaN is not certain.
         let sure = (nearest > EDGE_TOLERANCE * features.rounding_gain)
             & (features.cosine_gap > EDGE_TOLERANCE)
             & (length < MAX_SQUARED_NORMAL)
@@ -110,7 +110,7 @@ fn bins_f32(point: OrientedPoint, others: &OrientedPointLanes) -> ([[u32; LANES]
     ([theta, alpha, phi], doubted.iter().sum())
 }
 
-/// In f64.
+/// Computes the bins in f64.
 #[inline(always)]
 fn bins_f64(point: OrientedPoint, others: &OrientedPointLanes) -> [[u32; LANES]; 3] {
     let mut found = [[0; LANES]; 3];
@@ -142,14 +142,14 @@ const EDGES: [[f64; 2]; BLOCK / 2] = [
     [-0.841_253_532_831_181_2, 0.540_640_817_455_597_6],
 ];
 
-/// Bin, of 11 over [−π, π], of the angle of a vector: the edges that it lies beyond are
-/// counted from the middle bin on, on either side. And the distance of the vector from the
-/// nearest edge.
+/// Finds the bin, of 11 over [−π, π], of the angle of a vector: it counts the edges between the
+/// middle bin and the vector, on either side. Returns the distance of the vector from the nearest
+/// edge, too.
 #[inline(always)]
 fn theta_bin<T: Float>([x, y]: [T; 2]) -> (T, T) {
     let (zero, one) = (T::zero(), T::one());
     let mut beyond = zero;
-    // On the left the sign of y parts the first bin from the last.
+    // On the left the sign of y separates the first bin from the last.
     let mut nearest = if x < zero { y.abs() } else { T::infinity() };
     for [cos, sin] in EDGES {
         let side = constant::<T>(cos) * y.abs() - constant::<T>(sin) * x;
@@ -159,7 +159,7 @@ fn theta_bin<T: Float>([x, y]: [T; 2]) -> (T, T) {
     (constant::<T>((BLOCK / 2) as f64) + beyond.copysign(y), nearest)
 }
 
-/// Bin, of 11 over [−1, 1], and how far the cosine is from the nearest edge.
+/// Finds the bin, of 11 over [−1, 1], and the distance of the cosine from the nearest edge.
 #[inline(always)]
 fn cosine_bin<T: Float>(cosine: T) -> (T, T) {
     let at = (cosine + T::one()) * constant(0.5) * constant(BLOCK as f64);
@@ -168,7 +168,7 @@ fn cosine_bin<T: Float>(cosine: T) -> (T, T) {
     (clamp_bin(bin, (BLOCK - 1) as f64), nearest * constant(2.0 / BLOCK as f64))
 }
 
-/// At least 0 and at most `last`; 0 for NaN.
+/// Clamps to at least 0 and at most `last`; 0 for NaN.
 #[inline(always)]
 fn clamp_bin<T: Float>(bin: T, last: f64) -> T {
     let some = if bin > T::zero() { bin } else { T::zero() };
@@ -180,14 +180,14 @@ fn constant<T: Float>(value: f64) -> T {
     T::from(value).expect("both are floats")
 }
 
-/// The less of two, by one instruction: `min` looks for NaN as well.
+/// Returns the smaller of two, by one instruction: `min` checks for NaN as well.
 #[inline(always)]
 fn min_unchecked<T: Float>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
-/// A small whole number, which stands in the low bits of its sum with 2²³: unlike a conversion
-/// this is vector code everywhere.
+/// Converts a small integer, which is in the low bits of its sum with 2²³: unlike a conversion this
+/// is vector code everywhere.
 #[inline(always)]
 fn bits(bin: f32) -> u32 {
     (bin + 8_388_608.0).to_bits() & 0xf
@@ -213,8 +213,8 @@ mod tests {
         math::normalized(x).map(|x| x as f32)
     }
 
-    /// Some in general position; some where rounding decides: in one plane, on one line, with
-    /// opposite normals, along the line, nearly so, of no length, near or far.
+    /// Some points in general position; some where rounding decides: in one plane, on one line,
+    /// with opposite normals, along the line, nearly so, of no length, near or far.
     fn oriented() -> impl Strategy<Value = OrientedPoint> {
         let place = proptest::array::uniform3(prop_oneof![
             -1.0..1.0f32,
@@ -256,7 +256,8 @@ mod tests {
         }
     }
 
-    /// A point at the origin and another, with one angle at an edge of its bins but for rounding.
+    /// A point at the origin and another, with one angle at an edge of its bins except for
+    /// rounding.
     fn at_an_edge() -> impl Strategy<Value = (OrientedPoint, OrientedPoint)> {
         let turn = proptest::array::uniform3(-1.0..1.0f64);
         let edge = (0..3usize, 1..BLOCK, -1.0..1.0f64, -PI..PI);
@@ -323,7 +324,7 @@ mod tests {
         assert!(left > 0 && left * 200 < all, "{left} of {all}");
     }
 
-    /// By the angle itself.
+    /// Finds the bin from the angle itself.
     fn by_angle([x, y]: [f64; 2]) -> f64 {
         ((y.atan2(x) + PI) / (2.0 * PI) * BLOCK as f64).floor().clamp(0.0, 10.0)
     }

@@ -15,7 +15,7 @@ use crate::search::{Neighbors, squared_distance};
 
 /// Lanes that simple histograms are summed in.
 const LANES: usize = 8;
-/// Values a simple histogram takes up: whole lanes, of which the last ones are 0.
+/// Length of a stored simple histogram: whole lanes, of which the last ones are 0.
 const STRIDE: usize = BINS.next_multiple_of(LANES);
 
 /// Two libraries, two histograms. Squared distances differ by a factor of about four, so
@@ -23,18 +23,18 @@ const STRIDE: usize = BINS.next_multiple_of(LANES);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HistogramScale {
-    /// Blocks sum to 100: the neighbours' histograms weighted by 1/d², normalised. What
-    /// PCL computes and the paper used.
+    /// Blocks sum to 100: the neighbours' histograms weighted by 1/d², normalised. PCL computes
+    /// this scale, and the paper used it.
     #[default]
     Pcl,
-    /// Blocks sum to 200: the same, and the point's own histogram added, as in the FPFH
-    /// paper's formula. What Open3D computes.
+    /// Blocks sum to 200: the same plus the point's own histogram, as in the formula of the FPFH
+    /// paper. Open3D computes this scale.
     Open3d,
 }
 
 impl HistogramScale {
-    /// Bandwidth β that goes with the scale: the paper's 100 on PCL's, and 400 on
-    /// Open3D's, where every block is twice as large.
+    /// Returns the bandwidth β for the scale: the paper's 100 on PCL's, and 400 on Open3D's, where
+    /// every block is twice as large.
     pub fn default_beta(self) -> f64 {
         match self {
             HistogramScale::Pcl => 100.0,
@@ -63,11 +63,10 @@ impl FromStr for HistogramScale {
     }
 }
 
-/// FPFH of every point: N×33, f32.
+/// Computes FPFH of every point: N×33, f32.
 ///
-/// A row is all zeros where nothing can be told: a point without other points in its
-/// neighbourhood. Such a row is "undefined" and must
-/// not be compared.
+/// A row of zeros is "undefined" and must not be compared: the point has no other points in its
+/// neighbourhood.
 ///
 /// # Errors
 /// [`Error::Shape`] when points, normals and neighbourhoods differ in number.
@@ -81,11 +80,11 @@ pub fn fpfh(
     fpfh_at(points, normals, neighbors, &rows, scale)
 }
 
-/// FPFH of the points named by `rows` alone, in that order, from all points around them:
-/// the same bits as those rows of [`fpfh`]. Simple histograms are made where needed.
+/// Computes FPFH of only the points at `rows`, in that order, from all points around them: the same
+/// bits as those rows of [`fpfh`]. Simple histograms are computed only where needed.
 ///
 /// # Errors
-/// As [`fpfh`], and [`Error::Shape`] for a row that is not a point.
+/// As for [`fpfh`], and [`Error::Shape`] for a row that is not a point.
 pub fn fpfh_at(
     points: &[[f32; 3]],
     normals: &[[f32; 3]],
@@ -103,14 +102,14 @@ pub fn fpfh_at(
         let what = "a point to be described".into();
         return Err(Error::Shape { what, expected: points.len(), found });
     }
-    // All of a cloud need no marks.
+    // If all points are selected, no marks are needed.
     let some = rows.len() < points.len();
     let mut needed = vec![!some; points.len()];
     for &i in rows.iter().filter(|_| some) {
         needed[i] = true;
         neighbors.indices(i).iter().for_each(|&neighbor| needed[neighbor as usize] = true);
     }
-    // In the order in which neighbours follow each other, whatever that of the cloud is.
+    // In an order in which neighbours follow each other, independent of the cloud's order.
     let order = neighbors.order();
     let mut simple = vec![0.0f32; points.len() * STRIDE];
     par::for_each_row(&mut simple, STRIDE, SpfhBuilder::default, |scratch, at, row| {
@@ -119,7 +118,7 @@ pub fn fpfh_at(
             scratch.histograms(points, normals, neighbors, i, row);
         }
     });
-    // In that order again, and each row to its place afterwards.
+    // In that order again; each row is moved to its position afterwards.
     let mut places: Vec<u32> = (0..rows.len() as u32).collect();
     places.sort_by_key(|&at| neighbors.row(rows[at as usize]));
     let simple = simple.as_chunks().0;
@@ -142,17 +141,17 @@ pub fn fpfh_at(
     Descriptors::new(BINS, full)
 }
 
-/// Scratch: of each neighbour in turn, the squared distance and what its histogram weighs.
+/// Scratch: for each neighbour in turn, the squared distance and the weight of its histogram.
 #[derive(Default)]
 struct WeightScratch {
     distances: Vec<f32>,
     weights: Vec<f64>,
 }
 
-/// The neighbours' SPFH weighted by 1/d², each block normalised: FPFH.
+/// Computes FPFH: the neighbours' SPFH weighted by 1/d², each block normalised.
 struct WeightSpfh<'a> {
     points: &'a [[f32; 3]],
-    /// In the order of the neighbourhoods' rows.
+    /// Histograms in the order of the neighbourhoods' rows.
     spfh: &'a [[f32; STRIDE]],
     neighbors: &'a Neighbors,
     scale: HistogramScale,
@@ -172,7 +171,8 @@ impl WithSimd for WeightSpfh<'_> {
         distances.extend(others.iter().map(|&j| squared_distance(point, points[j as usize])));
         weights.resize(others.len(), 0.0);
         for (weight, &distance) in weights.iter_mut().zip(&distances[..]) {
-            // A neighbour in the same place has no distance to weigh by: as PCL, leave it out.
+            // A neighbour at the same position has no distance to weight by: as in PCL, leave it
+            // out.
             *weight = if distance > 0.0 { 1.0 / f64::from(distance) } else { 0.0 };
         }
         // Named sums and no variable index into them: they stay in registers.

@@ -1,4 +1,4 @@
-//! Descriptors: what a point's surroundings look like, in the point's own frame.
+//! Descriptors: the local shape around a point, in the point's own frame.
 
 mod bin;
 mod fpfh;

@@ -4,7 +4,7 @@ use num_traits::Float;
 
 use crate::math;
 
-/// What the angles of a pair are told by, in the Darboux frame u, v = d × u, w = u × v of the
+/// Sines and cosines of the angles of a pair, in the Darboux frame u, v = d × u, w = u × v of the
 /// point whose normal is nearer to the connecting line d. The two points may be exchanged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PairFeatures<T> {
@@ -14,19 +14,19 @@ pub(super) struct PairFeatures<T> {
     pub(super) alpha: T,
     /// u·d/‖d‖ in [−1, 1].
     pub(super) phi: T,
-    /// ‖d‖/‖d × u‖: what rounding of d × u grows by in v and w. Infinite or NaN where there is
-    /// no such frame.
+    /// ‖d‖/‖d × u‖: the factor by which v and w amplify the rounding of d × u. Infinite or NaN if
+    /// there is no frame.
     pub(super) rounding_gain: T,
-    /// How much nearer to the line one normal is than the other, as a difference of cosines;
-    /// infinite where the normals are the same, so that rounding is the same, too.
+    /// Difference of the cosines of both normals with the line; infinite if the normals are equal,
+    /// because their rounding is then equal, too.
     pub(super) cosine_gap: T,
 }
 
 impl<T: Float> PairFeatures<T> {
-    /// Of the pair of points `p1` and `p2` with normals `n1` and `n2`. Without a branch, so
-    /// that a loop over it becomes vector code.
+    /// Computes the features of the points `p1` and `p2` with normals `n1` and `n2`. It has no
+    /// branch, so that a loop over it becomes vector code.
     ///
-    /// All zero, as PCL and Open3D have it, for points in one place, an undefined normal, or a
+    /// All zero, as in PCL and Open3D, for points at the same position, an undefined normal, or a
     /// normal along the line.
     #[inline(always)]
     pub(super) fn compute(p1: [T; 3], n1: [T; 3], p2: [T; 3], n2: [T; 3]) -> Self {
@@ -39,17 +39,17 @@ impl<T: Float> PairFeatures<T> {
         let either = |a: T, b: T| if exchanged { b } else { a };
         let u = [0, 1, 2].map(|k| either(n1[k], n2[k]));
         let other = [0, 1, 2].map(|k| either(n2[k], n1[k]));
-        // The line from the other point is the same, the other way round.
+        // The line from the other point is the same, reversed.
         let (line, phi) = (line.map(|x| either(x, -x)), either(cosine1, -cosine2));
-        // Step by step as the libraries do: of opposite normals, rounding alone says on which
-        // side of the circle θ is.
+        // Step by step as in the libraries: for opposite normals, rounding alone decides the side
+        // of the circle for θ.
         let v = math::cross(line, u);
         let length = math::norm(v);
         let inverse = one / length;
         let v = math::scaled(v, inverse);
         let w = math::cross(u, v);
         let (x, y) = (math::dot(u, other), math::dot(w, other));
-        // `length` is 0, too, where the distance is.
+        // `length` is 0 if the distance is, too.
         let defined = |value: T| if length > zero { value } else { zero };
         let same = (n1[0] == n2[0]) & (n1[1] == n2[1]) & (n1[2] == n2[2]);
         PairFeatures {

@@ -6,11 +6,11 @@ use super::bin::{self, LANES, OrientedPoint, OrientedPointLanes};
 use super::layout::{BINS, BLOCK, BLOCK_SUM};
 use crate::search::Neighbors;
 
-/// Histograms that are counted side by side: pairs in turn fall into the same bin, and would
-/// wait for each other.
+/// Number of partial histograms: consecutive pairs often fall into the same bin, and would wait for
+/// each other.
 const COUNTS: usize = 4;
 
-/// Makes SPFH of one point after the other; keeps its scratch.
+/// Computes SPFH of one point after the other and reuses its scratch.
 #[derive(Default)]
 pub(super) struct SpfhBuilder {
     others: Vec<u32>,
@@ -36,18 +36,18 @@ impl SpfhBuilder {
             self.others.swap_remove(own);
         }
         let pairs = self.others.len();
-        // The last one again and again, to whole vectors.
+        // Repeats the last one to fill whole vectors.
         if let Some(&last) = self.others.last() {
             self.others.resize(pairs.next_multiple_of(LANES), last);
         }
-        // All before the first is looked at: what is written value by value is not read as a vector
-        // at once.
+        // All are written before the first is read: values written one by one cannot be read as a
+        // vector at once.
         let others = self.others.as_chunks().0;
         self.lanes.resize(others.len(), OrientedPointLanes::default());
         self.lanes.iter_mut().zip(others).for_each(|(lanes, of)| lanes.fill(points, normals, of));
         let point = OrientedPoint { place: points[i], normal: normals[i] };
         pulp::Arch::new().dispatch(Bin { point, pairs: self });
-        // Of 16 bins each, of which four whole bits name one: no index is out of bounds.
+        // 16 bins each, whose index has exactly four bits: no index is out of bounds.
         let mut counts = [[[0u32; 16]; 3]; COUNTS];
         for (at, bins) in self.bins.iter().enumerate() {
             for k in 0..LANES.min(pairs - at * LANES) {
@@ -78,7 +78,7 @@ impl WithSimd for Bin<'_> {
         let Bin { point, pairs: SpfhBuilder { lanes, bins, .. } } = self;
         bins.resize(lanes.len(), [[0; LANES]; 3]);
         for (bins, lanes) in bins.iter_mut().zip(lanes) {
-            // A copy, of which the compiler sees that it does not overlap.
+            // A copy, so that the compiler knows that it does not overlap.
             let lanes = *lanes;
             *bins = bin::bins(point, &lanes);
         }

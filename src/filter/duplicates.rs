@@ -78,7 +78,7 @@ pub(super) fn count_distinct<'a>(points: impl Iterator<Item = &'a [f32; 3]>) -> 
 }
 
 /// Finds the positions at which rows of `cloud` mark measurements without a return, in the order of
-/// their first rows. Such a position has at least 20 rows, and 20 times as many as is usual for a
+/// their first rows. Each of them has at least 20 rows, and 20 times as many as is usual for a
 /// position of this cloud (in a cloud of millions, one more for every 30,000 points). Empty if
 /// fewer than three other rows would remain.
 pub fn find_no_returns(cloud: &PointCloud) -> Vec<NoReturns> {
@@ -138,7 +138,6 @@ pub(crate) fn select_returns(cloud: &PointCloud) -> Option<PointCloud> {
 ///
 /// Meshes whose faces do not share vertices and clouds of few decimals contain every position
 /// several times; neighbourhoods of a fixed number of points would then contain few positions.
-/// times; neighbourhoods of so many points would then hold a few places.
 pub(crate) fn merge_duplicate_points(cloud: &PointCloud) -> Result<Option<PointCloud>> {
     let points = cloud.points();
     let sampled = sample_row_counts(points, &rows_per_bucket(points));

@@ -10,11 +10,11 @@ use crate::search::{self, Neighbor, SearchTree};
 
 /// The ISS detector, as in Open3D.
 ///
-/// A point is salient when the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of its neighbourhood's covariance
-/// are well apart; of the salient points those are kept whose λ₃ is the largest around.
-/// The covariance is about the neighbourhood's mean. (PCL sums about the point itself
-/// without dividing by the number of neighbours, so that density decides too: on scans at
-/// most a third of its points are the same.)
+/// A point is salient if the eigenvalues λ₁ ≥ λ₂ ≥ λ₃ of its neighbourhood's covariance are well
+/// separated. Among the salient points, those with the largest λ₃ in their surroundings are kept.
+/// The covariance is about the neighbourhood's mean. (PCL sums about the point itself without
+/// dividing by the number of neighbours, so that density matters too: on scans at most a third of
+/// its points are the same.)
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Iss {
@@ -66,12 +66,12 @@ impl Iss {
         Ok(())
     }
 
-    /// Indices of the keypoints, ascending.
+    /// Finds the indices of the keypoints, ascending.
     ///
     /// # Errors
-    /// Those of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::NonFinite`]
-    /// for a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution
-    /// and for radii that hold more neighbours than can be gone through.
+    /// The errors of [`validate`](Self::validate) and [`SearchTree::new`]; [`Error::NonFinite`] for
+    /// a NaN or infinite coordinate; [`Error::Config`] for a cloud without a resolution and for
+    /// radii with too many neighbours to process.
     pub fn detect(&self, points: &[[f32; 3]]) -> Result<Vec<usize>> {
         self.validate()?;
         let order = canonical_order(points, &[])?;
@@ -104,7 +104,7 @@ impl Iss {
         Ok(found)
     }
 
-    /// λ₃ of the neighbourhood's covariance, 0 where the eigenvalues are not apart.
+    /// Returns λ₃ of the neighbourhood's covariance, 0 if the eigenvalues are not well separated.
     fn saliency(&self, points: &[[f32; 3]], members: &[Neighbor]) -> f64 {
         if members.len() < self.min_neighbors {
             return 0.0;
@@ -125,7 +125,7 @@ impl Iss {
             }
         }
         let ([third, second, first], _) = math::eigen::symmetric(&covariance);
-        // As products: no division by the zeros of lines and lumps.
+        // As products, to avoid dividing by the zeros of lines and of single positions.
         let salient = second < self.gamma21 * first && third < self.gamma32 * second;
         if salient { third } else { 0.0 }
     }

@@ -1,7 +1,7 @@
-//! Keypoints: the few points of a cloud that stand out from their surroundings.
+//! Keypoints: the few points of a cloud that are distinctive in their surroundings.
 //!
-//! Detectors give indices into the cloud, ascending and without repetition. Lengths are
-//! in resolutions of the cloud, so that the unit does not matter.
+//! Detectors return indices into the cloud, ascending and without repetition. Lengths are in
+//! resolutions of the cloud, so that the unit does not matter.
 
 mod iss;
 mod sift;
@@ -20,7 +20,7 @@ use crate::search;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Keypoints {
-    /// Extrema of the curvature over place and scale (the paper's): [`Sift`].
+    /// Extrema of the curvature over position and scale (the paper's): [`Sift`].
     Sift(Sift),
     /// Intrinsic shape signatures: [`Iss`].
     Iss(Iss),
@@ -33,7 +33,7 @@ impl Default for Keypoints {
 }
 
 impl Keypoints {
-    /// The detector's name.
+    /// Returns the detector's name.
     pub fn name(&self) -> &'static str {
         match self {
             Keypoints::Sift(_) => "sift",
@@ -52,11 +52,11 @@ impl Keypoints {
         }
     }
 
-    /// Indices of the keypoints. `values` is one number a point, such as its curvature;
-    /// only SIFT looks at it.
+    /// Finds the indices of the keypoints. `values` is one number a point, such as its curvature;
+    /// only SIFT uses it.
     ///
     /// # Errors
-    /// Those of [`Sift::detect`] and [`Iss::detect`].
+    /// The errors of [`Sift::detect`] and [`Iss::detect`].
     pub fn detect(&self, points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
         match self {
             Keypoints::Sift(sift) => sift.detect(points, values),
@@ -65,7 +65,7 @@ impl Keypoints {
     }
 }
 
-/// The length that a detector's lengths are multiples of.
+/// Returns the unit of a detector's lengths.
 fn unit(points: &[[f32; 3]], given: Option<f64>) -> Result<f64> {
     let unit = given.map_or_else(|| search::resolution(points), Ok)?;
     if unit > 0.0 {
@@ -76,9 +76,8 @@ fn unit(points: &[[f32; 3]], given: Option<f64>) -> Result<f64> {
     Err(Error::config("unit", unit, rule))
 }
 
-/// Indices of the points in an order that their coordinates decide, then `values` (one a
-/// point, or none). Sums in this order do not depend on that of the points, nor does which
-/// of two that tie is found.
+/// Orders the indices of the points by their coordinates, then by `values` (one a point, or none).
+/// Sums in this order, and the choice between ties, do not depend on the order of the points.
 ///
 /// # Errors
 /// [`Error::NonFinite`] for a NaN or infinite coordinate or value.

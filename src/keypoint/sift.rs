@@ -1,4 +1,4 @@
-//! 3-D SIFT: extrema of a difference of Gaussians over place and scale, as in PCL.
+//! 3-D SIFT: extrema of a difference of Gaussians over position and scale, as in PCL.
 
 use std::collections::BTreeMap;
 
@@ -10,27 +10,28 @@ use crate::math::{self, Vec3};
 use crate::par;
 use crate::search::SearchTree;
 
-/// Neighbours among which a point must be the extremum (PCL's 25).
+/// Number of neighbours among which a keypoint is the extremum (PCL's 25).
 const EXTREMUM_NEIGHBORS: usize = 25;
-/// How many σ the Gaussians reach (PCL's 3).
+/// Cutoff of the Gaussians in σ (PCL's 3).
 const GAUSSIAN_REACH: f64 = 3.0;
 
-/// The SIFT detector on a number a point, such as its curvature (PCL's `SIFTKeypoint`; the
+/// The SIFT detector on one scalar per point, such as its curvature (PCL's `SIFTKeypoint`; the
 /// paper, section IV-A, names the detector but none of its settings).
 ///
-/// Every octave starts from the cloud thinned by a voxel grid of its first scale, with
-/// mean values; smooths at scales σ·2^((i−1)/s), i = 0 to s + 2; and keeps the points where
-/// the difference of successive scales is the extremum among the 25 nearest, in its own
-/// scale and the two beside it. The answer is the cloud's point nearest to each.
+/// Every octave starts from the cloud downsampled by a voxel grid of its first scale, with mean
+/// values; smooths at scales σ·2^((i−1)/s), i = 0 to s + 2; and keeps the points where the
+/// difference of successive scales is the extremum among the 25 nearest, in its own scale and the
+/// two adjacent ones. The keypoint is the cloud's point nearest to each.
 ///
-/// The grid starts at the cloud's lowest corner, so that a shift, such as a map offset,
-/// changes nothing. PCL's starts at the origin: on a cloud whose lowest corner lies there
-/// both find the same points, elsewhere 65 to 85 % of them, fewer in coarser octaves. A
+/// The grid starts at the cloud's lowest corner, so that a translation, such as a map offset,
+/// changes nothing. PCL's grid starts at the origin: on a cloud whose lowest corner is at the
+/// origin both find the same points, elsewhere 65 to 85 % of them, fewer in coarser octaves. A
 /// rotation turns the cloud in the grid and has the same effect.
 ///
-/// PCL has no default scales. These leave a fifth of 500 points of a mesh and a seventh to
-/// a fifth of a scan. On the paper's protocols (27 pairs each, `python -m peers.methods --only cfk`
-/// in `python-ref`) CFK's median error, beside CF's of all points, is
+/// PCL has no default scales. The defaults here keep a fifth of 500 points of a mesh and a seventh
+/// to a fifth of a scan. On the paper's protocols (27 pairs each,
+/// `python -m peers.methods --only cfk` in `python-ref`) CFK's median error, compared with CF's on
+/// all points, is
 ///
 /// | min_scale, octaves, scales | points of 500 to 600 | accuracy bunny, dragon | shift bunny, dragon |
 /// |---|---|---|---|
@@ -52,9 +53,9 @@ pub struct Sift {
     pub octaves: usize,
     /// Scales an octave, 1 to 16; default 8. More find more points.
     pub scales: usize,
-    /// Least difference of Gaussians of a keypoint, in the unit of the values (curvature
-    /// is in [0, 1/3]), 0 to 1e6; default 0: every extremum. Raise it to leave out the
-    /// extrema of flat places, which are noise.
+    /// Smallest difference of Gaussians of a keypoint, in the unit of the values (curvature is in
+    /// [0, 1/3]), 0 to 1e6; default 0: every extremum. Raise it to exclude the extrema of flat
+    /// regions, which are noise.
     pub min_contrast: f64,
 }
 
@@ -77,11 +78,11 @@ impl Sift {
         check_range("min_contrast", self.min_contrast, 0.0, 1e6)
     }
 
-    /// Indices of the keypoints, ascending.
+    /// Finds the indices of the keypoints, ascending.
     ///
     /// # Errors
-    /// [`Error::Shape`] unless there is a value for every point; [`Error::NonFinite`] for a
-    /// NaN or infinite coordinate or value; those of [`validate`](Self::validate) and
+    /// [`Error::Shape`] unless there is a value for every point; [`Error::NonFinite`] for a NaN or
+    /// infinite coordinate or value; the errors of [`validate`](Self::validate) and
     /// [`SearchTree::new`]; [`Error::Config`] for a cloud without a resolution.
     pub fn detect(&self, points: &[[f32; 3]], values: &[f32]) -> Result<Vec<usize>> {
         self.validate()?;
@@ -94,7 +95,8 @@ impl Sift {
         let (mut points, mut values): (Vec<_>, Vec<_>) =
             order.iter().map(|&i| (points[i], values[i])).unzip();
         let whole = SearchTree::new(&points)?;
-        // One corner for all octaves: the cubes of each are made of whole ones of the last.
+        // One corner for all octaves: the voxels of each consist of whole voxels of the previous
+        // one.
         let corner = [0, 1, 2].map(|a| points.iter().fold(f32::INFINITY, |low, p| low.min(p[a])));
         let mut found = Vec::new();
         for _ in 0..self.octaves {
@@ -111,7 +113,7 @@ impl Sift {
         Ok(found)
     }
 
-    /// Extrema of one octave, as indices into its thinned points.
+    /// Finds the extrema of one octave, as indices into its downsampled points.
     fn octave(&self, points: &[[f32; 3]], values: &[f32], scale: f64) -> Result<Vec<usize>> {
         let tree = SearchTree::new(points)?;
         let sigma = |i: usize| scale * 2f64.powf((i as f64 - 1.0) / self.scales as f64);
@@ -140,7 +142,7 @@ impl Sift {
                 smoothed.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>()
             },
         );
-        // Sums of a constant differ in their last bits, and those are no contrast.
+        // Sums of a constant differ in their last bits, and these differences are no contrast.
         let largest = values.iter().fold(0.0, |largest: f32, x| largest.max(x.abs()));
         let contrast = self.min_contrast.max(1e-12 * f64::from(largest));
         let extreme = par::map(
@@ -165,7 +167,7 @@ impl Sift {
     }
 }
 
-/// Mean point and mean value of every occupied cube of side `size` in a grid that starts
+/// Computes mean point and mean value of every occupied voxel of side `size` in a grid that starts
 /// at `corner`.
 fn downsample(
     points: &[[f32; 3]],

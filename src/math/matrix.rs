@@ -1,4 +1,4 @@
-//! 3-vectors and 3×3 matrices (rows of columns) in f64; sums and products of vectors in f32 as well.
+//! 3-vectors and 3×3 matrices (rows of columns) in f64; sums and products of vectors in f32, too.
 
 use num_traits::Float;
 

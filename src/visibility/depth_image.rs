@@ -1,9 +1,9 @@
-//! The depth image of a scan: what is nearest in each direction from the viewpoint.
+//! The depth image of a scan: the nearest surface in each direction from the viewpoint.
 
 use super::{NearestDepths, Pixel, median, record_nearest};
 use crate::math::{self, Vec3};
 
-/// How far a sensor saw in each direction.
+/// Measured depth in each direction from the viewpoint.
 pub struct DepthImage {
     viewpoint: Vec3,
     /// Width of a pixel, as the tangent of an angle.
@@ -12,14 +12,14 @@ pub struct DepthImage {
 }
 
 impl DepthImage {
-    /// Bytes that it takes, about.
+    /// Returns the approximate memory use in bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.nearest.capacity() * (size_of::<(Pixel, f32)>() + 1)
     }
 
-    /// The image of `points` from `viewpoint`; a pixel is as wide as `spacing` at the median
-    /// distance. `None` where the viewpoint is in the middle of the points, in one place with
-    /// most of them.
+    /// Creates the image of `points` from `viewpoint`; a pixel is as wide as `spacing` at the
+    /// median distance. `None` if the viewpoint is in the middle of the points, at the same
+    /// position as most of them.
     pub fn new(
         points: impl ExactSizeIterator<Item = Vec3> + Clone,
         viewpoint: Vec3,
@@ -27,7 +27,7 @@ impl DepthImage {
     ) -> Option<DepthImage> {
         let rays = points.map(|point| math::sub(point, viewpoint));
         let side = spacing / median(rays.clone().map(math::norm).collect())?;
-        // A pixel of more than half a face tells nothing; below 1e-8 its number overflows.
+        // A pixel of more than half a face is useless; below 1e-8 its number overflows.
         if !(1e-8..1.0).contains(&side) {
             return None;
         }
@@ -41,8 +41,8 @@ impl DepthImage {
         Some(DepthImage { viewpoint, side, nearest })
     }
 
-    /// How far `place` lies in front of the nearest surface that was seen in its direction
-    /// (or right beside it); negative behind. `None` where nothing was seen.
+    /// Returns how far `place` is in front of the nearest surface that was seen in its direction
+    /// (or right beside it); negative behind. `None` if nothing was seen.
     pub fn clearance(&self, place: Vec3) -> Option<f64> {
         let ray = math::sub(place, self.viewpoint);
         let distance = math::norm(ray);
@@ -51,7 +51,7 @@ impl DepthImage {
         }
         let pixel = Pixel::from_direction(ray, self.side);
         self.nearest.get(&pixel)?;
-        // The least of the pixels around: a surface has gaps between its points.
+        // The minimum over adjacent pixels: a surface has gaps between its points.
         let seen = pixel.neighborhood().filter_map(|pixel| self.nearest.get(&pixel));
         let seen = seen.copied().fold(f32::INFINITY, f32::min);
         Some(f64::from(seen) - distance)
@@ -71,7 +71,7 @@ mod tests {
         let front = image.clearance([0.02, 0.02, 3.0]).unwrap();
         assert!((front - 2.0).abs() < 0.02, "{front}");
         assert!((image.clearance([0.02, 0.02, 8.0]).unwrap() + 3.0).abs() < 0.02);
-        // Beside the wall, behind the sensor, at its place.
+        // Beside the wall, behind the sensor, at its position.
         assert_eq!(image.clearance([9.0, 0.0, 5.0]), None);
         assert_eq!(image.clearance([0.0, 0.0, -3.0]), None);
         assert_eq!(image.clearance(viewpoint), None);

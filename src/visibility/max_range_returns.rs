@@ -1,8 +1,8 @@
 //! Returns at the limit of a sensor's range: no surface, but a sphere about the sensor.
 //!
-//! Some scanners put the rays that met nothing at the largest distance that they can tell. Such
-//! points lie alike in every scan, about its own sensor, so scans are drawn sensor onto sensor
-//! by them. They also tell where the sensor stood.
+//! Some scanners report rays without a return at the largest distance that they can represent.
+//! These points have the same shape in every scan, about its own sensor, and bias the pose towards
+//! aligned sensors. They also reveal the position of the sensor.
 
 use rand::SeedableRng;
 use rand::seq::index;
@@ -13,47 +13,49 @@ use crate::cloud::PointCloud;
 use crate::math::cholesky;
 use crate::math::{self, Vec3};
 
-/// Depths of the shell that may hold them, as shares of the range: exact ones, and ones as noisy
-/// as a scanner's.
+/// Depths of the shell of maximum-range returns, as shares of the range: exact values, and values
+/// as noisy as a scanner's. Chosen by hand.
 const SHELLS: [f64; 4] = [1e-3, 2e-3, 4e-3, 8e-3];
-/// Depth of what is nearly empty before it: surfaces end gradually.
+/// Depth of the nearly empty gap in front of the shell, as a share of the range: surfaces end
+/// gradually. Chosen by hand.
 const GAP_DEPTH: f64 = 0.05;
-/// Most points in there, as a share of those in the shell, unless these lie as many times denser.
+/// Maximum number of points in the gap, as a share of those in the shell, unless the shell is more
+/// than [`MIN_CONTRAST`] times denser. Chosen by hand.
 const MAX_GAP_SHARE: f64 = 0.05;
 const MIN_CONTRAST: f64 = 100.0;
-/// Points that may lie beyond the limit, as a share of all: stray returns.
+/// Maximum share of points beyond the limit: stray returns. Chosen by hand.
 const MAX_BEYOND_SHARE: f64 = 1e-4;
-/// Of the farthest points, those that may lie outside a sphere.
+/// Maximum number of the farthest points that may be outside a sphere. Chosen by hand.
 const MAX_OUTSIDE: usize = 2;
-/// Least and most of the points that are in the shell: fewer change nothing, more are a surface.
+/// Least and largest share of the points in the shell: fewer change nothing, more are a surface.
 const SHELL_SHARE_RANGE: [f64; 2] = [0.002, 0.6];
-/// Fewest points of a shell.
+/// Minimum number of points of a shell. Chosen by hand.
 const MIN_SHELL_POINTS: f64 = 20.0;
-/// Points among which a sphere is sought.
+/// Number of points used to fit a sphere. Chosen by hand.
 const SAMPLE: usize = 4000;
-/// Directions in which the farthest of them are taken.
+/// Number of directions in which the farthest of them are taken. Chosen by hand.
 const DIRECTIONS: usize = 192;
-/// Fewest of the farthest that a sphere goes through.
+/// Minimum number of the farthest points on a sphere. Chosen by hand.
 const MIN_ON_SPHERE: usize = 8;
-/// Spheres that are tried.
+/// Number of spheres tried. Chosen by hand.
 const SPHERE_TRIALS: usize = 400;
 
-/// The largest distance that a sensor tells, where many points lie at it.
+/// The largest distance that a sensor reports, if many points are at it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MaxRangeReturns {
-    /// The sensor's place, in the cloud's frame.
+    /// The sensor's position, in the cloud's frame.
     pub viewpoint: Vec3,
-    /// The largest distance of a point from it, but for strays.
+    /// The largest distance of a point from the sensor, except for strays.
     pub range: f64,
-    /// How much nearer than that they may be, as a share of it.
+    /// Depth of the shell of these points, as a share of the range.
     pub depth: f64,
-    /// Points there.
+    /// Number of points in the shell.
     pub points: usize,
 }
 
 impl MaxRangeReturns {
-    /// The limit of a sensor at `viewpoint`: none where the farthest points are no more than
-    /// the end of a surface, or a surface themselves, or all are far from it.
+    /// Finds the range limit of a sensor at `viewpoint`: none if the farthest points are only the
+    /// end of a surface, or a surface themselves, or if the viewpoint is far from all points.
     pub fn detect_at(cloud: &PointCloud, viewpoint: Vec3) -> Option<MaxRangeReturns> {
         let distance = |p: Vec3| math::norm(math::sub(p, viewpoint));
         let mut distances: Vec<f64> = cloud.positions().map(distance).collect();
@@ -63,14 +65,14 @@ impl MaxRangeReturns {
             Some(*distances.select_nth_unstable_by(at, f64::total_cmp).1)
         };
         let ranges = [farthest(0)?, farthest(strays)?];
-        // Seen from outside, a far wall is as thin.
+        // Seen from outside, a far wall has a shell that is equally thin.
         let inside = |range: &f64| *range <= cloud.diagonal();
         let shells = ranges
             .into_iter()
             .filter(inside)
             .flat_map(|range| SHELLS.map(|depth| RangeShell { range, depth }));
         let limits = shells.filter_map(|shell| Some((shell, shell.contrast(&distances)?)));
-        // A thinner one may be but a part of them; of those that are equally good the first.
+        // A thinner shell may be only a part of them; among equally good ones the first.
         let best = limits.reduce(|best, next| if next.1 > best.1 { next } else { best });
         let (shell, _) = best?;
         let RangeShell { range, depth } = shell;
@@ -78,8 +80,8 @@ impl MaxRangeReturns {
         Some(MaxRangeReturns { viewpoint, range, depth, points })
     }
 
-    /// The limit of a sensor of which nothing is known: the farthest points of the cloud lie on
-    /// a sphere.
+    /// Finds the range limit of a sensor at an unknown position: the farthest points of the cloud
+    /// are on a sphere.
     pub fn detect(cloud: &PointCloud) -> Option<MaxRangeReturns> {
         let center = cloud.centroid();
         let stride = cloud.len().div_ceil(SAMPLE).max(1);
@@ -100,7 +102,7 @@ impl MaxRangeReturns {
         })
     }
 
-    /// The points of `cloud` that are nearer.
+    /// Returns the points of `cloud` nearer than the limit.
     pub fn remove_from(&self, cloud: &PointCloud) -> PointCloud {
         let nearer = |i: &usize| {
             let distance = math::norm(math::sub(cloud.position(*i), self.viewpoint));
@@ -110,7 +112,7 @@ impl MaxRangeReturns {
     }
 }
 
-/// Distances from `range` down to a share `depth` of it less.
+/// Distances from `range` down to a share `depth` below it.
 #[derive(Clone, Copy)]
 struct RangeShell {
     range: f64,
@@ -122,8 +124,8 @@ impl RangeShell {
         (1.0 - self.depth) * self.range
     }
 
-    /// How many times denser `distances` are in it than right before, if so many are in it and so
-    /// few before that it is no surface.
+    /// Returns the ratio of the densities of `distances` in the shell and right in front of it, if
+    /// enough are in the shell and few enough in front for it not to be a surface.
     fn contrast(self, distances: &[f64]) -> Option<f64> {
         let void = (1.0 - GAP_DEPTH) * self.range;
         let [mut points, mut before] = [0.0; 2];
@@ -147,9 +149,9 @@ struct Sphere {
 }
 
 impl Sphere {
-    /// The sphere that holds `points`, but for strays, and has most of them on it, at least [`MIN_ON_SPHERE`], to
-    /// within a share `depth` of its radius: through four at random, then through all that are
-    /// near.
+    /// Fits the sphere that encloses `points`, except for strays, and has most of them on it, at
+    /// least [`MIN_ON_SPHERE`], to within a share `depth` of its radius: through four at random,
+    /// then through all that are near.
     fn fit_robust(points: &[Vec3], depth: f64) -> Option<Sphere> {
         if points.len() < MIN_ON_SPHERE {
             return None;
@@ -171,12 +173,12 @@ impl Sphere {
         tries.max_by_key(|(on, _)| *on).map(|(_, sphere)| sphere)
     }
 
-    /// How far outside `point` is, in radii; negative inside.
+    /// Returns how far outside `point` is, in radii; negative inside.
     fn relative_distance(&self, point: Vec3) -> f64 {
         math::norm(math::sub(point, self.center)) / self.radius - 1.0
     }
 
-    /// The sphere of least squares, |p|² = 2 c·p + s (Coope 1993); none of points in a plane.
+    /// Fits the sphere of least squares, |p|² = 2 c·p + s (Coope 1993); none for points in a plane.
     fn fit_least_squares(points: &[Vec3]) -> Option<Sphere> {
         let unit = points.iter().map(|&p| math::norm(p)).fold(0.0, f64::max);
         let (mut normal, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
@@ -203,8 +205,8 @@ mod tests {
 
     const SENSOR: Vec3 = [0.0, 0.0, 1.7];
 
-    /// A yard 20 m wide seen from its middle, and where the gate is open, returns at 50 m,
-    /// `share` of the whole, up to `noise` nearer.
+    /// A yard 20 m wide seen from its middle, and returns at 50 m in the direction of the open
+    /// gate, `share` of the whole, up to `noise` nearer.
     fn yard(share: f64, noise: f64) -> Vec<Vec3> {
         let n = 6000;
         let gate = (f64::from(n) * share) as i32;
@@ -235,7 +237,7 @@ mod tests {
             let cloud = PointCloud::new(&cloud).unwrap();
             let found = MaxRangeReturns::detect(&cloud).unwrap();
             let off = math::norm(math::sub(found.viewpoint, pose.apply(SENSOR)));
-            // A gate is a small part of the sphere: noise tells on its middle.
+            // A gate is a small part of the sphere: noise affects the centre.
             assert!(off < 10.0 * noise && (found.range - 50.0).abs() < 0.05 + noise, "{found:?}");
             let shell = (6000.0 * share) as usize;
             assert_eq!(
@@ -248,7 +250,7 @@ mod tests {
 
     #[test]
     fn neither_a_stray_nor_a_wall_that_reaches_up_to_it_hides_a_limit() {
-        // The ground goes on to the limit: a tenth as many returns lie in the void before it.
+        // The ground extends to the limit: a tenth as many returns are in the gap in front of it.
         let ground = (0..60).map(|i| [47.5 + 0.04 * f64::from(i), 0.1 * f64::from(i % 7), 0.0]);
         let seen: Vec<Vec3> = yard(0.1, 0.02).into_iter().chain(ground).collect();
         for stray in [None, Some([90.0, 20.0, 30.0])] {
@@ -270,7 +272,7 @@ mod tests {
             assert_eq!(MaxRangeReturns::detect(&cloud), None, "{share}");
             assert_eq!(MaxRangeReturns::detect_at(&cloud, SENSOR), None, "{share}");
         }
-        // A wall at the far end of a room, from a place that is far outside.
+        // A wall at the far end of a room, from a position that is far outside.
         let room = (0..6000).map(|i| {
             let [x, y] = [i % 40, i / 40 % 50].map(|k| 0.1 * f64::from(k));
             if i < 4500 { [x, y, 0.0] } else { [4.0, y, 0.1 * f64::from(i % 25)] }

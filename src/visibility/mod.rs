@@ -1,8 +1,8 @@
-//! What a sensor saw, and from where.
+//! Visibility: free space, viewpoints and returns at maximum range.
 //!
-//! A scan says more than where surfaces are: everything between the sensor and them was empty.
-//! [`DepthImage`] keeps that, `viewpoint` finds the place of the sensor where no file tells it,
-//! [`MaxRangeReturns`] the points that are no surface.
+//! A scan contains more than surfaces: everything between the sensor and them was free space.
+//! [`DepthImage`] represents it, `viewpoint` estimates the position of the sensor if no file names
+//! it, and [`MaxRangeReturns`] finds the points that are no surface.
 
 mod depth_image;
 mod max_range_returns;
@@ -16,8 +16,8 @@ use rustc_hash::FxHashMap;
 
 use crate::math::Vec3;
 
-/// The pixel of a direction on the six faces of a cube about the viewpoint: unlike longitude
-/// and latitude it has no poles.
+/// The pixel of a direction on the six faces of a cube about the viewpoint: unlike longitude and
+/// latitude it has no poles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Pixel {
     face: u8,
@@ -25,7 +25,8 @@ struct Pixel {
 }
 
 impl Pixel {
-    /// Of a direction that is not zero; `side` is the width of a pixel on a cube of half side 1.
+    /// Returns the pixel of a direction that is not zero; `side` is the width of a pixel on a cube
+    /// of half side 1.
     fn from_direction(direction: Vec3, side: f64) -> Pixel {
         let size = direction.map(f64::abs);
         let axis = if size[0] >= size[1] && size[0] >= size[2] {
@@ -42,7 +43,7 @@ impl Pixel {
         Pixel { face: 2 * axis as u8 + u8::from(direction[axis] > 0.0), at }
     }
 
-    /// The pixel and those around it on the same face.
+    /// Returns the pixel and the adjacent ones on the same face.
     fn neighborhood(self) -> impl Iterator<Item = Pixel> {
         let shift = |x: i32, d: i32| x.saturating_add(d);
         (-1..=1).flat_map(move |u| {
@@ -52,7 +53,8 @@ impl Pixel {
     }
 }
 
-/// The median of `distances` from a viewpoint, at which pixels are measured; `None` of none.
+/// Returns the median of `distances` from a viewpoint, at which pixels are measured; `None` if
+/// empty.
 fn median(mut distances: Vec<f64>) -> Option<f64> {
     if distances.is_empty() {
         return None;
@@ -61,10 +63,10 @@ fn median(mut distances: Vec<f64>) -> Option<f64> {
     Some(*distances.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The distance of what is nearest in each pixel.
+/// The distance of the nearest surface in each pixel.
 type NearestDepths<D> = FxHashMap<Pixel, D>;
 
-/// Notes that something is at `distance` in `pixel`, of which the nearest is kept.
+/// Records a surface at `distance` in `pixel`; the nearest is kept.
 fn record_nearest<D: Copy + PartialOrd>(nearest: &mut NearestDepths<D>, pixel: Pixel, distance: D) {
     let seen = nearest.entry(pixel).or_insert(distance);
     if distance < *seen {
@@ -72,7 +74,7 @@ fn record_nearest<D: Copy + PartialOrd>(nearest: &mut NearestDepths<D>, pixel: P
     }
 }
 
-/// `count` directions spread evenly over the sphere: a Fibonacci lattice.
+/// Returns `count` directions spread evenly over the sphere: a Fibonacci lattice.
 fn fibonacci_directions(count: usize) -> impl Iterator<Item = Vec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {

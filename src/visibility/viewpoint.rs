@@ -1,14 +1,15 @@
-//! Where a scan was seen from, by the scan alone.
+//! Estimation of a scan's viewpoint from the scan alone.
 //!
-//! From the sensor's place no surface hides another and few are seen at a grazing angle. From
-//! another place both happen. That leaves two places open for a shell: an object seen from
-//! outside looks like a hollow seen from within. [`ViewpointEstimates::compute`] gives the best of each.
+//! Seen from the sensor, no surface hides another and few are at grazing incidence. From another
+//! position both happen. For a shell two positions remain possible: an object seen from outside has
+//! the same shape as a hollow seen from inside. [`ViewpointEstimates::compute`] returns the best of
+//! each.
 
 use super::{NearestDepths, Pixel, fibonacci_directions, median, record_nearest};
 use crate::math::{self, Vec3};
 use crate::par;
 
-/// A scan, thinned so that its points are about `spacing` apart.
+/// A scan, downsampled so that its points are about `spacing` apart.
 #[derive(Clone, Copy)]
 pub struct OrientedSample<'a> {
     /// Positions about any origin.
@@ -19,40 +20,41 @@ pub struct OrientedSample<'a> {
     pub spacing: f64,
 }
 
-/// On which side of the surfaces a viewpoint lies.
+/// Side of the surfaces that a viewpoint is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ViewpointSide {
-    /// Surfaces bend away from it: an object seen from outside.
+    /// Surfaces are convex towards it: an object seen from outside.
     Outside,
-    /// Surfaces bend around it: a room seen from within.
+    /// Surfaces are concave towards it: a room seen from inside.
     Inside,
 }
 
-/// The best viewpoints, with what speaks against each ([`OrientedSample::visibility_cost`]).
+/// The best viewpoints, with the cost of each ([`OrientedSample::visibility_cost`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewpointEstimates {
     /// From outside.
     pub outside: Option<(Vec3, f64)>,
-    /// From within.
+    /// From inside.
     pub inside: Option<(Vec3, f64)>,
 }
 
-/// Width of a pixel in spacings at the median distance: most hold a point or two.
+/// Width of a pixel in spacings at the median distance: most contain a point or two.
 const PIXEL: f64 = 2.0;
-/// Pixel widths behind the nearest point from which a point counts as hidden.
+/// Depth behind the nearest point, in pixel widths, from which a point counts as hidden. Chosen by
+/// hand.
 const MIN_HIDDEN_DEPTH: f64 = 3.0;
-/// Cosine of ray and normal below which a surface is grazed.
+/// Cosine of ray and normal below which incidence is grazing. Chosen by hand.
 const MIN_INCIDENCE_COSINE: f64 = 0.2;
-/// Directions that are tried at each distance.
+/// Number of directions tried at each distance. Chosen by hand.
 const DIRECTIONS: usize = 48;
-/// Distances that are tried, in root mean square radii about the centroid.
+/// Distances tried, in root mean square radii about the centroid. Chosen by hand.
 const DISTANCES: [f64; 6] = [0.4, 0.8, 1.3, 2.0, 3.5, 100.0];
-/// The best places from which a better one is sought.
+/// Number of the best candidates that are refined. Chosen by hand.
 const REFINED_CANDIDATES: usize = 4;
 
 impl OrientedSample<'_> {
-    /// What speaks against `viewpoint`, 0 (nothing) to some 3: the share of points that others
-    /// hide, half the share seen at a grazing angle, twice the share within three spacings.
+    /// Returns the cost of `viewpoint`, 0 (none) to some 3: the share of points hidden by others,
+    /// half the share at grazing incidence, twice the share within three spacings.
     pub fn visibility_cost(&self, viewpoint: Vec3) -> f64 {
         self.cost(viewpoint, &mut NearestDepths::default())
     }
@@ -81,7 +83,7 @@ impl OrientedSample<'_> {
         (hidden as f64 + 0.5 * grazed as f64 + 2.0 * close as f64) / n as f64
     }
 
-    /// The normals, turned towards `viewpoint`.
+    /// Orients the normals towards `viewpoint`.
     pub fn orient_normals(&self, viewpoint: Vec3) -> Vec<[f32; 3]> {
         let turned = |(point, normal): (&[f32; 3], &[f32; 3])| {
             let ray = math::sub(viewpoint, point.map(f64::from));
@@ -91,8 +93,8 @@ impl OrientedSample<'_> {
         self.points.iter().zip(self.normals).map(turned).collect()
     }
 
-    /// Whether surfaces bend away from `viewpoint` or around it; `toward` is, for every point,
-    /// the way from it to the mean of its neighbours.
+    /// Returns whether surfaces are convex or concave towards `viewpoint`; `toward` is, for every
+    /// point, the vector from it to the mean of its neighbours.
     fn side(&self, viewpoint: Vec3, toward: &[Vec3]) -> ViewpointSide {
         let normals = self.orient_normals(viewpoint);
         let bends = normals.iter().zip(toward).map(|(n, &m)| math::dot(n.map(f64::from), m));
@@ -112,8 +114,8 @@ impl OrientedSample<'_> {
 }
 
 impl ViewpointEstimates {
-    /// The best viewpoints of `sight`; `toward` is, for every point, the way from it to the
-    /// mean of its neighbours.
+    /// Computes the best viewpoints of `sight`; `toward` is, for every point, the vector from it to
+    /// the mean of its neighbours.
     pub fn compute(sight: OrientedSample<'_>, toward: &[Vec3]) -> ViewpointEstimates {
         if sight.points.is_empty() {
             return ViewpointEstimates { outside: None, inside: None };
@@ -142,7 +144,7 @@ impl ViewpointEstimates {
     }
 }
 
-/// Steps along the axes, halved where none helps (pattern search).
+/// Steps along the axes, halved if none improves (pattern search).
 fn pattern_search(
     start: (Vec3, f64),
     center: Vec3,
@@ -172,8 +174,8 @@ fn pattern_search(
 mod tests {
     use super::*;
 
-    /// Points of a sphere of radius 1 with z above `lowest`, some 0.06 apart, their normals,
-    /// and the ways to their neighbours.
+    /// Returns points of a sphere of radius 1 with z above `lowest`, some 0.06 apart, their
+    /// normals, and the vectors to their neighbours.
     fn cap(lowest: f64) -> (Vec<[f32; 3]>, Vec<Vec3>) {
         let points: Vec<Vec3> = fibonacci_directions(3000).filter(|p| p[2] > lowest).collect();
         let toward = points.iter().map(|&p| math::scaled(p, -0.01)).collect();
@@ -189,7 +191,7 @@ mod tests {
         assert!(outside[2] > 1.0 && cost < 0.1, "{found:?}");
         let (inside, cost) = found.inside.unwrap();
         assert!(inside[2] < 0.7 && cost < 0.1, "{found:?}");
-        // From the side a part of it hides the rest or is grazed.
+        // From the side a part of it hides the rest or is at grazing incidence.
         assert!(sight.visibility_cost([30.0, 0.0, 0.0]) > 0.2);
     }
 

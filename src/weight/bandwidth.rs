@@ -19,7 +19,7 @@ pub enum Bandwidth {
     /// This share, above 0 and at most 100, of the median squared distance from a point of
     /// either cloud to the most similar point of the other
     /// ([`FullConnection::bandwidth`](crate::moments::FullConnection::bandwidth)): sharp
-    /// where clouds hold the same points, wide where noise or sampling blurs descriptors.
+    /// where clouds contain the same points, wide where noise or sampling blurs descriptors.
     Auto(f64),
 }
 

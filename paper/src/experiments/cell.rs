@@ -1,4 +1,4 @@
-//! What is run: a contender, a shape, a motion, and how the paper is read.
+//! Experiment cells: a contender, a shape, a motion, and an interpretation of the paper.
 
 use std::fmt;
 
@@ -16,25 +16,25 @@ use cfreg::weight::Normalization;
 pub enum Contender {
     /// [`Icp::paper`].
     Icp,
-    /// Without scale.
+    /// CPD without scale.
     Cpd,
-    /// Without colour and features.
+    /// DARE without colour and features.
     Dare,
-    /// Noise bound 0.05, of which the paper says nothing: the one of TEASER++'s example, whose
-    /// other settings the paper names.
+    /// TEASER with noise bound 0.05, which the paper does not mention: the value of TEASER++'s
+    /// example, whose other settings the paper names.
     Teaser,
-    /// k = 150, β = 100.
+    /// CF with k = 150, β = 100.
     Cf,
-    /// The same at SIFT keypoints.
+    /// CF at SIFT keypoints.
     Cfk,
-    /// Not of the paper: CF with dual softmax, still one step.
+    /// Not in the paper: CF with dual softmax, still one step.
     CfBoth,
-    /// Not of the paper: [`Cf::multiscale`], the best of the study of weights, still one step.
+    /// Not in the paper: [`Cf::multiscale`], the best of the study of weights, still one step.
     CfMultiscale,
 }
 
 impl Contender {
-    /// Those of the paper, in the order of its tables, then ours.
+    /// The contenders of the paper, in the order of its tables, then ours.
     pub const ALL: [Contender; 8] = [
         Contender::Icp,
         Contender::Cpd,
@@ -46,7 +46,7 @@ impl Contender {
         Contender::CfMultiscale,
     ];
 
-    /// The method with its settings.
+    /// Returns the method with its settings.
     pub fn method(self) -> Method {
         match self {
             Contender::Icp => Method::Icp(Icp::paper()),
@@ -88,12 +88,12 @@ pub enum Shape {
     Bunny,
     /// dragonStandRight_0.
     Dragon,
-    /// ArmadilloStand_180, for which others stand in.
+    /// ArmadilloStand_180, which other files may replace.
     Armadillo,
 }
 
 impl Shape {
-    /// In the order of Table II.
+    /// All shapes, in the order of Table II.
     pub const ALL: [Shape; 3] = [Shape::Bunny, Shape::Dragon, Shape::Armadillo];
 }
 
@@ -119,22 +119,22 @@ pub enum Test {
     Accuracy,
 }
 
-/// How the paper is read where its words leave a choice.
+/// Interpretation of the paper where its text leaves a choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpretation {
-    /// To the letter: the scan's surface sampled by area, normals towards the origin of the
-    /// frame, outliers from a ball of radius 0.2.
+    /// Literal: the scan's surface sampled by area, normals towards the origin of the frame,
+    /// outliers from a ball of radius 0.2.
     Written,
-    /// As its figures suggest: a ball of diameter 0.2, and a frame in which the origin moves
-    /// along with the target (its "centered" clouds have theirs in the centroid).
+    /// As its figures suggest: a ball of diameter 0.2, and a frame whose origin moves along with
+    /// the target (its "centered" clouds have their origin at the centroid).
     Fitting,
     /// As `Fitting`, the scan's own points instead of its surface.
     Points,
 }
 
 impl Interpretation {
-    /// All, the first to the letter.
+    /// All interpretations, the literal one first.
     pub const ALL: [Interpretation; 3] =
         [Interpretation::Written, Interpretation::Fitting, Interpretation::Points];
 
@@ -146,7 +146,7 @@ impl Interpretation {
         }
     }
 
-    /// Radius of the ball of outliers, metres.
+    /// Returns the radius of the ball of outliers, metres.
     pub fn radius(self) -> f64 {
         match self {
             Interpretation::Written => 0.2,
@@ -165,24 +165,24 @@ impl fmt::Display for Interpretation {
     }
 }
 
-/// Some trials of one contender.
+/// A set of trials of one contender.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ExperimentCell {
     /// The test.
     pub test: Test,
-    /// How it is read.
+    /// Its interpretation.
     pub reading: Interpretation,
-    /// On what.
+    /// The model.
     pub shape: Shape,
-    /// Moved how.
+    /// The kind of motion.
     pub motion: Motion,
-    /// Who.
+    /// The contender.
     pub contender: Contender,
-    /// Standard deviation of the noise in tenths of a millimetre; 0 but for sensitivity.
+    /// Standard deviation of the noise in tenths of a millimetre; 0 except for sensitivity.
     pub noise: u32,
-    /// How many trials.
+    /// Number of trials.
     pub trials: usize,
-    /// What is changed for the table of readings; `None` in the paper's own tables.
+    /// The variation, for the table of interpretations; `None` in the paper's own tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variation: Option<Variation>,
 }
@@ -203,8 +203,8 @@ impl ExperimentCell {
         self.variation.map_or(viewpoint, |variation| variation.viewpoint(viewpoint))
     }
 
-    /// Which model is sampled: of a shape, by a reading, and from which side in degrees where
-    /// that is varied.
+    /// Returns which model is sampled: the shape, the interpretation, and the viewing direction in
+    /// degrees if it is varied.
     pub(super) fn model(&self) -> (Shape, Interpretation, Option<u32>) {
         let side = match self.variation {
             Some(Variation::Side(degrees)) => Some(degrees),
@@ -213,7 +213,7 @@ impl ExperimentCell {
         (self.shape, self.reading, side)
     }
 
-    /// What a trial of it is made by.
+    /// Returns the protocol of its trials.
     pub fn protocol(&self) -> Protocol {
         let protocol = match self.test {
             Test::Sensitivity => Protocol::Sensitivity { sigma: 1e-4 * f64::from(self.noise) },
@@ -225,7 +225,7 @@ impl ExperimentCell {
         self.variation.map_or(protocol, |variation| variation.protocol(protocol))
     }
 
-    /// A name for files.
+    /// Returns a name for files.
     pub fn name(&self) -> String {
         let mut words =
             vec![self.trials_name(), self.contender.to_string().replace(' ', "-").to_lowercase()];
@@ -233,7 +233,7 @@ impl ExperimentCell {
         words.join("_")
     }
 
-    /// A name for the pairs that all contenders are given.
+    /// Returns a name for the pairs, which all contenders share.
     pub fn trials_name(&self) -> String {
         let test = match self.test {
             Test::Sensitivity => format!("sensitivity-{:03}", self.noise),

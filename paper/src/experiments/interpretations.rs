@@ -1,4 +1,4 @@
-//! One table of what the paper leaves open: each choice beside the printed figure.
+//! One table of the choices that the paper leaves open: each choice beside the printed figure.
 
 use std::fmt::Write;
 
@@ -10,10 +10,10 @@ use crate::protocol::NormalViewpoint;
 use crate::{MeanStd, Motion};
 use cfreg::keypoint::Sift;
 
-/// Where the range scans were made from, in their frame: in front, along z, metres.
+/// Position of the sensor of the range scans, in their frame: in front, along z, metres.
 const SENSOR: [f64; 3] = [0.0, 0.1, 1.0];
 
-/// A question, and the answers to it.
+/// An open choice and its options.
 struct Topic {
     title: &'static str,
     columns: Vec<ComparisonColumn>,
@@ -60,7 +60,7 @@ pub fn cells(trials: usize, smoke: bool) -> Vec<ExperimentCell> {
     cells
 }
 
-/// The table as Markdown, of what there are results of.
+/// Formats the table of the available results as Markdown.
 pub fn markdown(results: &Results) -> String {
     let all: Vec<&ExperimentCell> =
         results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_some()).collect();
@@ -210,7 +210,7 @@ fn topics() -> Vec<Topic> {
         };
         Motion::ALL.map(of)
     });
-    // Without DARE, which describes nothing and takes longest.
+    // Without DARE, which computes no descriptors and takes longest.
     let swift = Contender::ALL.into_iter().filter(|&contender| contender != Contender::Dare);
     let sampled = swift.flat_map(|contender| {
         [(Interpretation::Fitting, "surface"), (Interpretation::Points, "points")].map(
@@ -267,7 +267,7 @@ mod tests {
                 .iter()
                 .map(|row| row.cell(topic.columns[0], 1))
                 .map(|cell| {
-                    // What changes the points themselves shows in none of the others.
+                    // A change of the points themselves is visible in none of the other fields.
                     let points = cell.variation.filter(|v| matches!(v, Variation::Decimals(_)));
                     (cell.reading, cell.method(), cell.protocol(), cell.viewpoint(), points)
                 })

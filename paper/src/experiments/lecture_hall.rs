@@ -1,7 +1,7 @@
 //! Section V: terrestrial scans with partial overlap, on which the full connection fails.
 //!
-//! The paper's lecture hall was not to be had; two terrestrial scans of 3DTK's sample data
-//! are of its kind.
+//! The paper's lecture hall was not available; two terrestrial scans of 3DTK's sample data are
+//! similar.
 
 use std::path::Path;
 
@@ -20,36 +20,36 @@ use cfreg::method::{Cf, Cfk, Method, Register};
 use cfreg::verify::{PoseError, pose_error};
 use cfreg::{filter, io};
 
-/// Points drawn from each scan (section V).
+/// Number of points drawn from each scan (section V).
 pub const POINTS: usize = 30_000;
 /// The pair, from the data folder, as `pairs.csv` names it.
 const PAIR: (&str, &str) = ("tls_3dtk/scan001.ply", "tls_3dtk/scan000.ply");
 
-/// The pair and what became of it.
+/// The pair and its results.
 pub struct LectureHall {
     source: PointCloud,
     target: PointCloud,
     outcomes: Vec<LectureHallResult>,
 }
 
-/// The answer of a method.
+/// The result of a method.
 #[derive(Debug, Clone, Serialize)]
 pub struct LectureHallResult {
     /// The method's name on the command line.
     pub method: &'static str,
-    /// What it found.
+    /// The estimated pose.
     pub transform: Transform,
-    /// Whether it says that the pose may be trusted.
+    /// Whether the method reports that the pose may be trusted.
     pub trusted: bool,
-    /// How far off it is; the translation in the scans' unit, centimetres.
+    /// The error of the pose; the translation in the scans' unit, centimetres.
     pub error: PoseError,
 }
 
-/// Registers `points` of each scan, the source turned at random, by CF, CFK and CF at three
-/// scales; `None` where the scans are not.
+/// Registers `points` of each scan, the source rotated at random, by CF, CFK and CF at three
+/// scales; `None` if the scans are missing.
 ///
 /// # Errors
-/// Those of the readers and of the methods.
+/// The errors of the readers and of the methods.
 pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
     let (source, target) = (data.join(PAIR.0), data.join(PAIR.1));
     let Some(truth) = truth(&data.join("pairs.csv"))? else { return Ok(None) };
@@ -60,7 +60,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
         let cloud = io::read(path)?;
         Ok::<_, Error>(filter::sample(&cloud, points, seed))
     };
-    // The scanner stood in the origin of its file; it goes along.
+    // The scanner was at the origin of its file; the viewpoint moves along.
     let seen = |cloud: PointCloud| cloud.with_viewpoint([0.0; 3]);
     let (source, target) = (seen(read(&source, 1)?)?, seen(read(&target, 2)?)?);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
@@ -81,7 +81,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
     Ok(Some(LectureHall { source, target, outcomes }))
 }
 
-/// The clouds as they lie, and under each pose.
+/// Returns the clouds before registration, and under each pose.
 pub fn panels(hall: &LectureHall) -> Vec<Panel> {
     let panel =
         |title: String, source: &PointCloud| Panel { title, content: pair(&hall.target, source) };
@@ -106,7 +106,8 @@ pub fn write(hall: &LectureHall, path: &Path) -> Result<()> {
     files::write_bytes(path, (text + "\n").as_bytes())
 }
 
-/// The pair's true pose from the table of pairs; `None` where that is not, or lacks it.
+/// Reads the pair's true pose from the table of pairs; `None` if the table is missing, or lacks the
+/// pair.
 fn truth(table: &Path) -> Result<Option<Transform>> {
     let Ok(mut reader) = csv::Reader::from_path(table) else { return Ok(None) };
     let parse = |what: String| Error::parse(table, None, what);

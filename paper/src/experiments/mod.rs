@@ -1,5 +1,5 @@
-//! The paper's experiments (section IV), run again: every trial as CSV, Tables I and II
-//! beside the printed ones, and what becomes of them by each choice that the paper leaves.
+//! Reproduction of the paper's experiments (section IV): every trial as CSV, Tables I and II beside
+//! the printed ones, and the effect of each choice that the paper leaves open.
 
 pub mod cell;
 pub mod interpretations;
@@ -23,13 +23,13 @@ use self::tables::Results;
 use crate::files;
 use cfreg::error::{Error, Result};
 
-/// What is run, and where it goes.
+/// Selection of experiments, and the output folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentOptions {
     /// Folder of the scans ([`models::load`]).
     pub data: PathBuf,
-    /// Folder of the results; made if it is not there. Trials that are in it already, made by
-    /// the same settings, are not run again.
+    /// Folder of the results; created if missing. Existing trials with the same settings are not
+    /// run again.
     pub output: PathBuf,
     /// A few trials only, in a minute.
     pub smoke: bool,
@@ -55,26 +55,26 @@ impl ExperimentPart {
     }
 }
 
-/// What came of the experiments.
+/// Results of the experiments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentOutcome {
     /// All trials.
     pub results: Results,
-    /// A line for each model that was not there, and so was left out: which, and how to get it.
+    /// A line for each missing model, which was left out: its name, and how to get it.
     pub left_out: Vec<String>,
 }
 
-/// Trials of a cell in the tables, under noise and in the table of readings, and levels of
-/// noise.
+/// Returns the numbers of trials of a cell in the tables, under noise and in the table of
+/// interpretations, and the number of levels of noise.
 fn sizes(smoke: bool) -> (usize, usize, usize, u32) {
     if smoke { (2, 1, 1, 2) } else { (100, 30, 30, 10) }
 }
 
-/// Runs the experiments; `progress` is told how many cells of how many are done. Models that
-/// are not there are left out.
+/// Runs the experiments; `progress` receives the number of finished cells and of all cells. Missing
+/// models are left out.
 ///
 /// # Errors
-/// [`Error::Io`] when there is no model at all or a folder cannot be written, those of the
+/// [`Error::Io`] when there is no model at all or a folder cannot be written, and the errors of the
 /// readers. Nothing is written before the models are read.
 pub fn run(
     options: &ExperimentOptions,
@@ -96,7 +96,7 @@ pub fn run(
         let path = folder.join(cell.name() + ".csv");
         let found = match Trials::read(cell, source, &path) {
             Some(found) => found,
-            // Other parts are shown as far as they are known.
+            // Other parts are shown with their existing results.
             None if !wanted(cell) => continue,
             None => {
                 let found = Trials::run(cell, &source.model)?;
@@ -143,7 +143,7 @@ fn load(options: &ExperimentOptions, cells: &[ExperimentCell]) -> Result<(Source
     if sources.is_empty() && !missing.is_empty() {
         return Err(missing.swap_remove(0).1);
     }
-    // One line a shape: its readings miss the same.
+    // One line a shape: its interpretations miss the same files.
     missing.dedup_by_key(|(shape, _)| *shape);
     let lines = missing.iter().map(|(shape, error)| models::missing_model_note(*shape, error));
     Ok((sources, lines.collect()))

@@ -12,31 +12,32 @@ use cfreg::io;
 /// A model, and the file it came from.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// What is sampled.
+    /// The sampled model.
     pub model: Model,
     /// Its file.
     pub path: PathBuf,
-    /// What stands in for the paper's own, and how; empty where nothing does.
+    /// The replacement of the paper's own file, and how it was made; empty for the paper's own
+    /// file.
     pub remark: String,
-    /// Of the model ([`Model::digest`]).
+    /// Digest of the model ([`Model::digest`]).
     pub digest: String,
 }
 
-/// What a file holds, and what is made of it.
+/// Content of a file, and the model made from it.
 #[derive(Clone, Copy)]
 enum Form {
     /// A scan of the paper: its range grid or its points.
     Scan,
-    /// Points of a scan that was simulated.
+    /// Points of a simulated scan.
     Simulated,
-    /// The whole Armadillo, of which one side is seen.
+    /// The whole Armadillo, seen from one side.
     Armadillo,
 }
 
-/// Names that the Armadillo's mesh goes by.
+/// File names of the Armadillo's mesh.
 const ARMADILLO: [&str; 2] = ["armadillo.ply", "Armadillo.ply"];
 
-/// A shape's files, the paper's first: the folder that each has in a mirror, and its name.
+/// Returns a shape's files, the paper's first: the folder of each in a mirror, and its name.
 fn files(shape: Shape, reading: Interpretation) -> &'static [(&'static str, &'static str, Form)] {
     const SCAN: (&str, &str, Form) = ("stanford_armadillo", "ArmadilloStand_180.ply", Form::Scan);
     match (shape, reading) {
@@ -75,21 +76,21 @@ fn download_hint(shape: Shape, reading: Interpretation) -> &'static str {
     }
 }
 
-/// The model of `shape` as `reading` samples it, from `folder`: flat, as `data/fetch.py`
-/// fills one, or a folder a data set.
+/// Loads the model of `shape` for the interpretation `reading`, from `folder`: flat, as filled by
+/// `data/fetch.py`, or a folder per data set.
 ///
 /// # Errors
-/// [`Error::Io`] when no such file is there ([`is_missing`]), those of [`io::read`] and
+/// [`Error::Io`] when the file is missing ([`is_missing`]), the errors of [`io::read`] and
 /// [`io::read_mesh`].
 pub fn load(folder: &Path, shape: Shape, reading: Interpretation) -> Result<Source> {
     load_first(folder, files(shape, reading), reading, 0, download_hint(shape, reading))
 }
 
-/// What a sensor at `degrees` about the upright axis sees of the Armadillo's mesh, by area;
-/// 0 is its front.
+/// Returns the part of the Armadillo's mesh that is visible to a sensor at `degrees` about the
+/// upright axis, by area; 0 is its front.
 ///
 /// # Errors
-/// As [`load`].
+/// As for [`load`].
 pub fn armadillo(folder: &Path, degrees: u32) -> Result<Source> {
     let (shape, reading) = (Shape::Armadillo, Interpretation::Fitting);
     let meshes = &files(shape, reading)[1..];
@@ -132,11 +133,11 @@ fn load_first(
     Ok(Source { digest: model.digest(), model, path, remark })
 }
 
-/// The whole surface of `shape`, reconstructed from all of its scans, at its real size in
-/// metres; `None` where `folder`, flat or a folder a data set, has it not.
+/// Loads the whole surface of `shape`, reconstructed from all of its scans, at its real size in
+/// metres; `None` if `folder`, flat or a folder per data set, does not contain it.
 ///
 /// # Errors
-/// Those of [`io::read_mesh`].
+/// The errors of [`io::read_mesh`].
 pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
     let (names, unit): (&[&str], f64) = match shape {
         Shape::Bunny => (&["bun_zipper.ply"], 1.0),
@@ -152,7 +153,7 @@ pub fn object(folder: &Path, shape: Shape) -> Result<Option<Mesh>> {
     Ok(Some(mesh))
 }
 
-/// Whether `error` says that a scan is not there.
+/// Returns whether `error` means that a scan is missing.
 pub fn is_missing(error: &Error) -> bool {
     matches!(error, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound)
 }
@@ -162,11 +163,11 @@ pub fn missing_model_note(shape: Shape, error: &Error) -> String {
     format!("{shape} left out: {error}")
 }
 
-/// Metres a unit of Stanford's Armadillo: 151 units are the height of the statue without its
+/// Metres per unit of Stanford's Armadillo: 151 units are the height of the statue without its
 /// stand, 0.254.
 const UNIT: f64 = 0.00168;
 
-/// Where the sensor of [`armadillo`] stands, far off, in the frame of what it sees.
+/// Returns the position of the distant sensor of [`armadillo`], in the frame of the visible part.
 pub(super) fn sensor(degrees: u32) -> [f64; 3] {
     const FAR: f64 = 20.0;
     let (sin, cos) = f64::from(degrees).to_radians().sin_cos();

@@ -1,9 +1,9 @@
-//! The pairs of Tables I and II as files, for programs that are not of this crate.
+//! The pairs of Tables I and II as files, for programs outside this crate.
 //!
-//! A folder a test, shape and motion, in the reading that fits; in it an array a file, as
-//! `numpy.load` reads it: `source` and `target` (trials, points, 3), the positions; `truth`
-//! (trials, 4, 4), source into the target's frame; `viewpoints` (trials, 2, 3), where the
-//! source and the target were seen from. All are f64, which holds every position exactly.
+//! There is a folder for each test, shape and motion, under the interpretation `Fitting`, and a
+//! file for each array, as read by `numpy.load`: `source` and `target` (trials, points, 3), the
+//! positions; `truth` (trials, 4, 4), source into the target's frame; `viewpoints` (trials, 2, 3),
+//! the viewpoints of source and target. All are f64, which represents every position exactly.
 
 use std::path::Path;
 
@@ -15,8 +15,8 @@ use crate::protocol::Trial;
 use cfreg::cloud::PointCloud;
 use cfreg::error::{Error, Result};
 
-/// Writes the pairs that [`run`](super::run) gives its contenders with these options; returns
-/// a line for each model that is not there.
+/// Writes the pairs that [`run`](super::run) gives its contenders with these options; returns a
+/// line for each missing model.
 ///
 /// # Errors
 /// [`Error::Io`] for missing scans or a folder that cannot be written, those of the readers.
@@ -48,7 +48,7 @@ fn write_cell(cell: &ExperimentCell, model: &Model, folder: &Path) -> Result<()>
         files::write_bytes(&folder.join(name).with_extension("npy"), &bytes)
     };
     let clouds = |name: &str, side: fn(&Trial) -> &PointCloud| {
-        // As many in every trial: a protocol adds the same number to the same number.
+        // The same number in every trial: a protocol adds the same number to the same number.
         let count = trials.first().map_or(0, |trial| side(trial).len());
         array(name, [count, 3], trials.iter().flat_map(|t| side(t).positions()).flatten().collect())
     };
@@ -61,13 +61,13 @@ fn write_cell(cell: &ExperimentCell, model: &Model, folder: &Path) -> Result<()>
     array("viewpoints", [2, 3], viewpoints.collect())
 }
 
-/// NumPy's format 1.0 of an array in row-major order
+/// Encodes an array in row-major order as NumPy's format 1.0
 /// (<https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>).
 fn npy(shape: [usize; 3], values: &[f64]) -> Vec<u8> {
     let [a, b, c] = shape;
     let mut header =
         format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({a}, {b}, {c}), }}");
-    // What comes before the values is a multiple of 64 bytes long and ends in a line feed.
+    // The header is a multiple of 64 bytes long and ends in a line feed.
     let before = MAGIC.len() + 2;
     let blanks = (before + header.len() + 1).next_multiple_of(64) - before - header.len() - 1;
     header.extend(std::iter::repeat_n(' ', blanks));
@@ -86,7 +86,7 @@ mod tests {
     use crate::Motion;
     use cfreg::cloud::shape::boulder;
 
-    /// Shape, as it is written, and values.
+    /// Reads the shape, as it is written, and the values.
     fn read(path: &Path) -> (String, Vec<f64>) {
         let bytes = std::fs::read(path).unwrap();
         assert_eq!(bytes[..8], *b"\x93NUMPY\x01\x00");
@@ -122,7 +122,7 @@ mod tests {
                 let each = values.1.len() / 3;
                 values.1[number * each..][..each].to_vec()
             };
-            // Bit for bit: a cloud of the file's numbers is the cloud.
+            // Bit for bit: the numbers of the file give the same cloud.
             for (values, cloud) in [(&source, &trial.source), (&target, &trial.target)] {
                 let places: Vec<[f64; 3]> = part(values).as_chunks().0.to_vec();
                 assert_eq!(places, cloud.positions().collect::<Vec<_>>());

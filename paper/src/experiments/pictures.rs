@@ -17,10 +17,10 @@ use cfreg::method::Register;
 /// Points of a picture of a model.
 const SHOWN_POINTS: usize = 4000;
 
-/// Writes every figure to `folder`; those of the lecture hall where its scans are.
+/// Writes every figure to `folder`; those of the lecture hall if its scans exist.
 ///
 /// # Errors
-/// [`Error::Io`](cfreg::Error::Io), and those of the readers.
+/// [`Error::Io`](cfreg::Error::Io), and the errors of the readers.
 pub fn draw(data: &Path, folder: &Path, results: &Results, smoke: bool) -> Result<()> {
     let save = |name: &str, panels, columns, size| {
         let stem: PathBuf = folder.join(name);
@@ -58,7 +58,7 @@ fn load_if_present(data: &Path, shape: Shape) -> Result<Option<Source>> {
     }
 }
 
-/// The models that are there.
+/// Draws the models that exist.
 fn shapes(data: &Path) -> Result<Vec<Panel>> {
     let panel = |&shape: &Shape| {
         let Some(Source { model, remark, .. }) = load_if_present(data, shape)? else {
@@ -72,7 +72,7 @@ fn shapes(data: &Path) -> Result<Vec<Panel>> {
     Shape::ALL.iter().filter_map(|shape| panel(shape).transpose()).collect()
 }
 
-/// Source and target at three levels of noise, for both motions.
+/// Draws source and target at three levels of noise, for both motions.
 fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
@@ -86,7 +86,7 @@ fn noise(bunny: &Source) -> Result<Vec<Panel>> {
     Ok(panels)
 }
 
-/// Mean and deviation of the average shift over the noise, for both motions.
+/// Plots mean and deviation of the average shift over the noise, for both motions.
 fn sensitivity(results: &Results) -> Vec<Panel> {
     let mut panels = Vec::new();
     for motion in Motion::ALL {
@@ -131,7 +131,7 @@ fn sensitivity(results: &Results) -> Vec<Panel> {
     panels
 }
 
-/// One trial with outliers, before and after the paper's methods and the best of ours.
+/// Draws one trial with outliers, before and after the paper's methods and the best of ours.
 fn alignments(bunny: &Source, motion: Motion, number: u64) -> Result<Vec<Panel>> {
     let trial = robustness(bunny, motion, number)?;
     let laid = |title: String, pose: &Transform| {
@@ -173,7 +173,7 @@ fn trial_draw(motion: Motion, number: u64) -> Draw {
     Draw { motion, viewpoint, points: POINTS, seed: SEED, number }
 }
 
-/// Both clouds, the source on top.
+/// Returns both clouds, the source on top.
 pub(super) fn pair(target: &PointCloud, source: &PointCloud) -> Content {
     Content::Points(vec![project_along_z("target", target), project_along_z("source", source)])
 }

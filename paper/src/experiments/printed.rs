@@ -1,4 +1,4 @@
-//! What the paper prints: mean and deviation of Tables I and II.
+//! Values printed in the paper: mean and deviation of Tables I and II.
 
 use super::cell::{Contender, Shape, Test};
 use crate::{MeanStd, Motion};

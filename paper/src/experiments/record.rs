@@ -17,32 +17,32 @@ use cfreg::par;
 pub struct Record {
     /// Number of the trial.
     pub trial: u64,
-    /// Rotation error, degrees; these four are empty without an answer.
+    /// Rotation error, degrees; these four are empty without a pose.
     pub rotation_deg: Option<f64>,
     /// ‖I − R R_gtᵀ‖_F.
     pub frobenius: Option<f64>,
-    /// Error of the centroid's place, in the model's unit.
+    /// Error of the centroid's position, in the model's unit.
     pub translation: Option<f64>,
     /// The paper's average shift, in the model's unit.
     pub average_shift: Option<f64>,
-    /// Whether nothing spoke against the answer.
+    /// Whether the pose has no warning.
     pub trusted: bool,
-    /// How often weights were made.
+    /// Number of times that weights were computed.
     pub iterations: u32,
-    /// Why there is no answer; empty with one.
+    /// Why there is no pose; empty with one.
     pub error: String,
-    /// Points of the source that took part: all, those with a descriptor, or keypoints.
+    /// Number of source points used: all, those with a descriptor, or keypoints.
     pub described: Option<u32>,
 }
 
 /// The trials of a cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trials {
-    /// One a trial, in order.
+    /// One record a trial, in order.
     pub records: Vec<Record>,
 }
 
-/// All that the trials of a cell depend on: its first line in a file.
+/// Everything that the trials of a cell depend on: its first line in a file.
 #[derive(Serialize)]
 struct Configuration<'a> {
     cell: ExperimentCell,
@@ -52,7 +52,7 @@ struct Configuration<'a> {
     version: &'static str,
     method: Method,
     model: &'a str,
-    /// What stands in for the paper's model; empty where nothing does.
+    /// The replacement of the paper's model; empty for the paper's own.
     #[serde(skip_serializing_if = "str::is_empty")]
     stand_in: &'a str,
 }
@@ -72,12 +72,12 @@ impl<'a> Configuration<'a> {
     }
 }
 
-/// Points of each sample (section IV).
+/// Number of points of each sample (section IV).
 pub(super) const POINTS: usize = 500;
 /// Seed of all trials.
 pub(super) const SEED: u64 = 2020;
 
-/// The pair of a trial of `cell`, the same for every contender.
+/// Generates the pair of a trial of `cell`, the same for every contender.
 ///
 /// # Errors
 /// Those of [`Protocol::trial`](crate::protocol::Protocol::trial).
@@ -140,7 +140,7 @@ impl Trials {
         Ok(Trials { records: records.into_iter().collect::<Result<_>>()? })
     }
 
-    /// Writes the trials of `cell` on `source` as CSV, after a comment with all that they
+    /// Writes the trials of `cell` on `source` as CSV, after a comment with everything that they
     /// depend on.
     ///
     /// # Errors
@@ -162,7 +162,7 @@ impl Trials {
         MeanStd::from_values(&values)
     }
 
-    /// Trials without an answer.
+    /// Returns the number of trials without a pose.
     pub fn failures(&self) -> usize {
         self.records.iter().filter(|record| !record.error.is_empty()).count()
     }
@@ -209,7 +209,7 @@ mod tests {
         for another in [source("a model of clay", "1"), source("", "2")] {
             assert_eq!(Trials::read(&cell(3), &another, &path), None);
         }
-        // Cut short, as by a crash.
+        // Truncated, as by a crash.
         let text = std::fs::read(&path).unwrap();
         std::fs::write(&path, &text[..text.len() - 30]).unwrap();
         assert_eq!(Trials::read(&cell(3), &own, &path), None);

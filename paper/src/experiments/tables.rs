@@ -11,7 +11,7 @@ use crate::{MeanStd, Motion};
 /// All trials, by the name of their cell.
 pub type Results = BTreeMap<String, (ExperimentCell, Trials)>;
 
-/// How a figure of ours stands to the paper's.
+/// Comparison of a figure of ours with the paper's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PrintedComparison {
     /// The means differ by no more than the printed deviation.
@@ -47,7 +47,7 @@ impl PrintedComparison {
     }
 }
 
-/// What a test is about.
+/// Returns the error measure of a test.
 pub(super) fn measure(test: Test) -> fn(&Record) -> Option<f64> {
     match test {
         Test::Accuracy => |record| record.frobenius,
@@ -55,7 +55,7 @@ pub(super) fn measure(test: Test) -> fn(&Record) -> Option<f64> {
     }
 }
 
-/// The columns of a table: shape and motion.
+/// Returns the columns of a table: shape and motion.
 fn columns(test: Test) -> Vec<(Shape, Motion)> {
     let shapes = if test == Test::Robustness { &Shape::ALL[..1] } else { &Shape::ALL[..] };
     let of = |motion| shapes.iter().map(move |&shape| (shape, motion));
@@ -105,7 +105,7 @@ fn table(results: &Results, test: Test, reading: Interpretation) -> PaperTable {
     }
 }
 
-/// Both tables in every reading that there are results of, as Markdown.
+/// Formats both tables under every interpretation with results, as Markdown.
 pub fn markdown(results: &Results) -> String {
     let mut text = String::from(LEGEND);
     let own = results.values().map(|(cell, _)| cell).filter(|cell| cell.variation.is_none());
@@ -129,7 +129,7 @@ pub(super) fn sample_size_note(trials: usize) -> &'static str {
     if trials < 30 { ": a check that all runs, not a measurement" } else { "" }
 }
 
-/// The same as LaTeX.
+/// Formats both tables as LaTeX.
 pub fn latex(results: &Results) -> String {
     let mut text = String::from("% Ours | printed, and how they stand: see tables.md.\n");
     for table in tables(results) {
@@ -190,11 +190,11 @@ pub(super) fn format_entry(entry: &PaperEntry, between: &str) -> String {
     if entry.failures > 0 {
         let _ = write!(text, " ({} none)", entry.failures);
     }
-    // The bar is the table's own sign in Markdown only.
+    // The bar is the table's own sign only in Markdown.
     if between.contains("pm") { text.replace("\\|", "|") } else { text }
 }
 
-/// Two significant digits, as the paper prints.
+/// Formats two significant digits, as the paper prints.
 fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".into();

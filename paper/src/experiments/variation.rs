@@ -1,4 +1,4 @@
-//! What one reading changes that the paper leaves open: a setting, or how a trial is drawn.
+//! The change by one interpretation that the paper leaves open: a setting, or how a trial is drawn.
 
 use std::fmt;
 
@@ -15,9 +15,9 @@ use cfreg::method::{Icp, Method};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variation {
-    /// None: the contender as in the tables, to compare with.
+    /// None: the contender as in the tables, for comparison.
     Plain,
-    /// TEASER's noise bound in metres; none: from the cloud's resolution.
+    /// TEASER's noise bound in metres; `None`: from the cloud's resolution.
     NoiseBound(Option<f64>),
     /// β of CF and CFK.
     Beta(f64),
@@ -29,16 +29,16 @@ pub enum Variation {
     Viewpoint(NormalViewpoint),
     /// Radius of the ball of outliers, metres.
     Radius(f64),
-    /// From where the Armadillo is seen, degrees; normals look there too.
+    /// Viewing direction of the Armadillo, degrees; normals are oriented towards it, too.
     Side(u32),
-    /// Decimals, in metres, that coordinates are rounded to.
+    /// Number of decimals, in metres, that coordinates are rounded to.
     Decimals(u32),
     /// CPD's tolerance.
     Tolerance(f64),
 }
 
 impl Variation {
-    /// `method` with this setting.
+    /// Returns `method` with this setting.
     pub fn method(self, mut method: Method) -> Method {
         match (self, &mut method) {
             (Variation::NoiseBound(bound), Method::Teaser(teaser)) => teaser.noise_bound = bound,
@@ -57,7 +57,7 @@ impl Variation {
         method
     }
 
-    /// `protocol` with this setting.
+    /// Returns `protocol` with this setting.
     pub fn protocol(self, protocol: Protocol) -> Protocol {
         match (self, protocol) {
             (Variation::Radius(radius), Protocol::Robustness { outliers, .. }) => {
@@ -76,10 +76,10 @@ impl Variation {
         }
     }
 
-    /// `trial` with this setting.
+    /// Returns `trial` with this setting.
     ///
     /// # Errors
-    /// Those of [`PointCloud::new`].
+    /// The errors of [`PointCloud::new`].
     pub fn trial(self, mut trial: Trial) -> Result<Trial> {
         if let Variation::Decimals(decimals) = self {
             for cloud in [&mut trial.source, &mut trial.target] {
@@ -100,7 +100,7 @@ fn round_coordinates(cloud: &PointCloud, decimals: u32) -> Result<PointCloud> {
     }
 }
 
-/// A word for the names of files.
+/// Formats a word for the names of files.
 impl fmt::Display for Variation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,11 +1,11 @@
-//! With which power something grows.
+//! The exponent of a power law.
 
 /// The exponent p of y ≈ c·Nᵖ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growth {
     /// p.
     pub exponent: f64,
-    /// Its standard error, from how far the values are from a straight line in logarithms.
+    /// Its standard error, from the residuals of the straight line in logarithms.
     pub error: f64,
     /// Smallest N of the fit.
     pub from: f64,
@@ -18,8 +18,8 @@ const MIN_SIZES: usize = 3;
 const MIN_SIZE_RATIO: f64 = 10.0;
 
 impl Growth {
-    /// Least squares of log y over log N of the pairs (N, y), which come by growing N: those
-    /// of the last decade, or the last three if that has less. `None` for fewer than three
+    /// Fits log y over log N of the pairs (N, y), in order of growing N, by least squares. Uses the
+    /// pairs of the last decade, or the last three if that has fewer. `None` for fewer than three
     /// pairs, or values that are not above zero.
     pub fn fit(pairs: &[[f64; 2]]) -> Option<Self> {
         let last = pairs.last()?[0];
@@ -55,8 +55,8 @@ mod tests {
         // A constant that the last decade hardly sees.
         let raised = Growth::fit(&pairs(|n| 1e4 + n * n)).unwrap();
         assert!((raised.exponent - 2.0).abs() < 0.03, "{raised:?}");
-        // Off by a tenth up and down: of log y = 2 log N ± 0.1, at log N = 0, 1, 2, 3 times
-        // ln 2, the slope is 2 - 0.04/ln 2, with a rest of 0.032.
+        // Deviations of a tenth up and down: for log y = 2 log N ± 0.1, at log N = 0, 1, 2, 3 times
+        // ln 2, the slope is 2 - 0.04/ln 2, with a residual of 0.032.
         let off =
             |k: i32| [2f64.powi(k), 4f64.powi(k) * (if k % 2 == 0 { 0.1f64 } else { -0.1 }).exp()];
         let uneven = Growth::fit(&[0, 1, 2, 3].map(off)).unwrap();

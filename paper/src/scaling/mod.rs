@@ -1,9 +1,9 @@
 //! Time and memory of every method over the number of points.
 //!
-//! Each runs, on one thread and with the settings that its name stands for, on two samples of
-//! the bunny's surface that are turned a little against each other: near enough for the
-//! methods that start from a pose. Times are those of one machine and one day, and with them
-//! the sizes at which a method stops; all else is the same again.
+//! Each method runs, on one thread and with the settings of its name, on two samples of the bunny's
+//! surface that are slightly rotated against each other: near enough for the methods that start
+//! from a pose. Times depend on the machine and the day, and so do the sizes at which a method
+//! stops; everything else is reproducible.
 
 mod growth;
 mod report;
@@ -24,31 +24,31 @@ use cfreg::error::{Error, Result};
 use cfreg::method::{Method, Register, Registration};
 use cfreg::par;
 
-/// What is run, by the names `--method` takes.
+/// Methods to run, by the names that `--method` takes.
 pub const METHODS: [&str; 10] =
     ["cf", "cf-multiscale", "cfk", "icp", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
 
-/// How far it goes, and where the results go.
+/// Range of the runs, and the output folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScalingOptions {
     /// Folder of the scans ([`models::load`]).
     pub data: PathBuf,
-    /// Folder of the results; made if it is not there. Runs that are in it already, whole and
-    /// by the same settings, are not made again.
+    /// Folder of the results; created if missing. Existing runs that are complete and have the same
+    /// settings are not repeated.
     pub output: PathBuf,
-    /// Points of each cloud, upwards.
+    /// Numbers of points of each cloud, ascending.
     pub sizes: Vec<usize>,
     /// What no run should exceed: a method stops at the first size where the runs before
     /// lead to expect more.
     pub limit: RunLimit,
 }
 
-/// The most that a run should take.
+/// Limits of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RunLimit {
     /// Seconds.
     pub seconds: f64,
-    /// Bytes; of no effect without a [`Meter`].
+    /// Bytes; without effect unless there is a [`Meter`].
     pub bytes: u64,
 }
 
@@ -63,41 +63,42 @@ impl ScalingOptions {
     }
 }
 
-/// Tells the memory of the process. A library has no allocator of its own to ask: a program
-/// that counts what is allocated hands its counts in.
+/// Measures the memory of the process. A library has no allocator of its own to ask: a program that
+/// counts allocations passes its counters.
 #[derive(Debug, Clone, Copy)]
 pub struct Meter {
-    /// Bytes that are held now, from where the peak counts anew.
+    /// Returns the allocated bytes, and restarts the peak from there.
     pub start: fn() -> usize,
-    /// Most bytes that were held since the start.
+    /// Returns the maximum of allocated bytes since the start.
     pub peak: fn() -> usize,
 }
 
-/// A registration that was measured.
+/// A measured registration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Name of the method.
     pub method: String,
     /// Points of each cloud.
     pub points: usize,
-    /// Wall-clock seconds on one thread, the least of a few where it is short.
+    /// Wall-clock seconds on one thread, the minimum of a few runs if it is short.
     pub seconds: f64,
-    /// Most bytes that were allocated at a time, beyond the clouds themselves; empty where
-    /// nothing told.
+    /// Maximum of simultaneously allocated bytes, beyond the clouds themselves; empty if not
+    /// measured.
     pub bytes: Option<u64>,
-    /// How often weights were made and solved; 0 without an answer, as `trusted` is false.
+    /// Number of times that weights were computed and solved; 0 without a pose, and `trusted` is
+    /// false.
     pub iterations: u32,
-    /// Rotation error, degrees; empty without an answer.
+    /// Rotation error, degrees; empty without a pose.
     pub rotation_deg: Option<f64>,
-    /// Whether nothing spoke against the answer.
+    /// Whether the pose has no warning.
     pub trusted: bool,
     /// Seconds of the stages, in their order.
     pub stages: String,
-    /// Why there is no answer; empty with one.
+    /// Why there is no pose; empty with one.
     pub error: String,
 }
 
-/// All that runs depend on but the machine: the first line of the file.
+/// Everything except the machine that runs depend on: the first line of the file.
 #[derive(Serialize)]
 struct ScalingSettings<'a> {
     shape: Shape,
@@ -121,13 +122,13 @@ const SEED: u64 = 2020;
 const MOTION: Motion = Motion::Small;
 const READING: Interpretation = Interpretation::Fitting;
 
-/// Measures every method at every size within the limit, or reads what was measured before;
-/// `progress` is told how many of how many runs are done.
+/// Measures every method at every size within the limit, or reads earlier measurements; `progress`
+/// receives the number of finished runs and of all runs.
 ///
 /// # Errors
-/// [`Error::Config`] for sizes that do not grow, or start below three; [`Error::Io`] for a
-/// missing scan or a folder that cannot be written; those of the readers. A run without an
-/// answer is a result.
+/// [`Error::Config`] for sizes that do not grow, or start below three; [`Error::Io`] for a missing
+/// scan or a folder that cannot be written; the errors of the readers. A run without a pose is a
+/// result.
 pub fn run(
     options: &ScalingOptions,
     meter: Option<Meter>,
@@ -177,8 +178,8 @@ fn measure_all(
             if exceeds_limit(options.limit, &before, points) {
                 break;
             }
-            // A thread of its own: what libraries keep for a thread is in its count, and in no
-            // other's.
+            // A separate thread: its count includes the per-thread state of libraries, and no other
+            // count does.
             let trial = pair(model, points)?;
             before.push(par::on_new_thread(|| measure(name, method, &trial, meter))?);
         }
@@ -188,7 +189,7 @@ fn measure_all(
     Ok(runs)
 }
 
-/// Two samples, a little turned against each other.
+/// Generates two samples, slightly rotated against each other.
 fn pair(model: &Model, points: usize) -> Result<Trial> {
     let viewpoint = READING.viewpoint();
     let draw = Draw { motion: MOTION, viewpoint, points, seed: SEED, number: 0 };
@@ -201,7 +202,7 @@ fn exceeds_limit(limit: RunLimit, before: &[Run], points: usize) -> bool {
         let at = |run: &Run| [run.points as f64, measure(run)];
         let (last, others) = before.split_last()?;
         let [n, value] = at(last);
-        // Of one run alone: the worst that is usual.
+        // From a single run: the worst usual exponent.
         let exponent = others.last().map_or(2.0, |run| {
             let [earlier, less] = at(run);
             (value / less).ln() / (n / earlier).ln()
@@ -217,7 +218,7 @@ fn exceeds_limit(limit: RunLimit, before: &[Run], points: usize) -> bool {
 const REPEAT_BELOW_SECONDS: f64 = 0.5;
 const MAX_REPEATS: usize = 5;
 
-/// On the threads it is called from.
+/// Measures on the threads that it is called from.
 fn measure(name: &str, method: &Method, trial: &Trial, meter: Option<Meter>) -> Run {
     let timed = || {
         let start = Instant::now();
@@ -282,9 +283,9 @@ mod tests {
         let limit = RunLimit { seconds: 10.0, bytes: 1000 };
         let beyond = |before: &[Run], points| super::exceeds_limit(limit, before, points);
         assert!(!beyond(&[], 1_000_000));
-        // One run: as by the square.
+        // One run: quadratic growth is assumed.
         assert!(!beyond(&[run(100, 1.0, None)], 300) && beyond(&[run(100, 1.0, None)], 320));
-        // By the power 1 of the runs before, by 3 at most.
+        // The exponent 1 of the earlier runs, 3 at most.
         let linear = [run(100, 0.5, None), run(200, 1.0, None)];
         assert!(!beyond(&linear, 1900) && beyond(&linear, 2100));
         let steep = [run(100, 0.001, None), run(200, 1.0, None)];

@@ -1,4 +1,4 @@
-//! What the runs say: a table of exponents, and curves.
+//! Report of the runs: a table of exponents, and curves.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -24,7 +24,7 @@ fn megabytes(run: &Run) -> Option<f64> {
     run.bytes.map(|bytes| 1e-6 * bytes as f64)
 }
 
-/// N and what is measured.
+/// Returns N and the measured value.
 fn pairs(runs: &[Run], method: &str, measure: fn(&Run) -> Option<f64>) -> Vec<[f64; 2]> {
     runs_of_method(runs, method)
         .filter_map(|run| Some([run.points as f64, measure(run)?]))
@@ -39,7 +39,7 @@ const LEGEND: &str = "# Time and memory over the number of points\n\n\
     | method | time | memory | from N | to N | seconds | MB | rotation error | trusted |\n\
     |---|---|---|---|---|---|---|---|---|\n";
 
-/// The exponents and the largest runs, as Markdown.
+/// Formats the exponents and the largest runs as Markdown.
 pub fn markdown(runs: &[Run]) -> String {
     let mut text = String::from(LEGEND);
     let growth = |pairs: &[[f64; 2]]| {
@@ -83,7 +83,7 @@ pub fn draw(runs: &[Run], folder: &Path) -> Result<()> {
     figure.save(&folder.join("fig11-scaling"))
 }
 
-/// A curve a method, between guides of N and N²; `None` where nothing was measured.
+/// Draws a curve a method, between guides of N and N²; `None` if nothing was measured.
 fn panel(runs: &[Run], title: &str, unit: &str, measure: fn(&Run) -> Option<f64>) -> Option<Panel> {
     let curve = |method: &str| {
         let points = pairs(runs, method, measure);
@@ -156,7 +156,7 @@ mod tests {
         let names: Vec<&str> = curves.iter().map(|curve| curve.name.as_str()).collect();
         assert_eq!(names, ["CPD  N^1.0", "N and N²", ""]);
         assert_eq!(curves[0].points.len(), 3);
-        // N² leaves at the top, where the curve ends.
+        // N² reaches the top, where the curve ends.
         let [_, [x, y]] = curves[2].points[..] else { panic!("{:?}", curves[2]) };
         assert!((x - 200.0 * 5f64.sqrt()).abs() < 1e-9 && (y - 1e-3).abs() < 1e-12, "{x} {y}");
     }

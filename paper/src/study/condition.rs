@@ -1,4 +1,4 @@
-//! What makes a registration hard, one thing at a time.
+//! Conditions that make a registration hard, one at a time.
 
 use std::fmt;
 use std::path::Path;
@@ -22,16 +22,16 @@ pub enum Condition {
     /// The same points twice, one with noise of this standard deviation, metres (its
     /// sensitivity test).
     Noise(f64),
-    /// The same points twice, one with this many more per point, evenly from a ball of radius
-    /// 0.1 m (its robustness test).
+    /// The same points twice, one cloud with this many additional points per point, uniformly from
+    /// a ball of radius 0.1 m (its robustness test).
     Outliers(f64),
-    /// Independent samples of what two sensors see of a whole object, this share of the
-    /// source's view in common.
+    /// Independent samples of the parts of a whole object that two sensors see; they have this
+    /// share of the source's view in common.
     Overlap(f64),
 }
 
 impl Condition {
-    /// All of the study, the paper's own among them.
+    /// All conditions of the study, including the paper's own.
     pub const ALL: [Condition; 12] = [
         Condition::Independent,
         Condition::Noise(0.005),
@@ -47,7 +47,7 @@ impl Condition {
         Condition::Overlap(0.3),
     ];
 
-    /// A word for the kind, and how much of it.
+    /// Returns a word for the kind, and its amount.
     pub fn kind(self) -> (&'static str, f64) {
         match self {
             Condition::Independent => ("independent", 0.0),
@@ -57,7 +57,7 @@ impl Condition {
         }
     }
 
-    /// For names of files.
+    /// Returns a part for names of files.
     pub fn stem(self) -> String {
         match self {
             Condition::Independent => "independent".into(),
@@ -79,7 +79,7 @@ impl fmt::Display for Condition {
     }
 }
 
-/// What trials are drawn from: the scans of the paper, and whole objects to look at.
+/// Models that trials are sampled from: the scans of the paper, and whole objects to view.
 pub struct Scenes {
     scans: Vec<(Shape, Model)>,
     views: Vec<(Shape, Views)>,
@@ -87,10 +87,10 @@ pub struct Scenes {
 }
 
 impl Scenes {
-    /// Of scans and of whole surfaces.
+    /// Creates scenes from scans and whole surfaces.
     ///
     /// # Errors
-    /// [`Error::Config`] for no scan; those of [`Views::new`].
+    /// [`Error::Config`] for no scan; the errors of [`Views::new`].
     pub fn new(scans: Vec<(Shape, Model)>, objects: Vec<(Shape, Mesh)>) -> Result<Self> {
         if scans.is_empty() {
             return Err(Error::config("scans", "[]", "a study needs at least one"));
@@ -104,11 +104,11 @@ impl Scenes {
         Ok(Scenes { scans, views, digests: [scanned.join(" "), whole.join(" ")] })
     }
 
-    /// Of the paper's scans and of the whole objects that `folder` has
-    /// ([`models::load`], [`models::object`]), and a line for each that it has not.
+    /// Loads the paper's scans and the whole objects in `folder` ([`models::load`],
+    /// [`models::object`]), and returns a line for each missing one.
     ///
     /// # Errors
-    /// [`Error::Io`] where there is no scan; those of [`new`](Self::new) and of the readers.
+    /// [`Error::Io`] if there is no scan; the errors of [`new`](Self::new) and of the readers.
     pub fn load(folder: &Path) -> Result<(Self, Vec<String>)> {
         let (mut scans, mut objects, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         let mut last = None;
@@ -139,7 +139,7 @@ impl Scenes {
         !matches!(condition, Condition::Overlap(_)) || !self.views.is_empty()
     }
 
-    /// Digests of the models that trials of `condition` are drawn from.
+    /// Returns the digests of the models that trials of `condition` are sampled from.
     pub(super) fn digest(&self, condition: Condition) -> &str {
         &self.digests[usize::from(matches!(condition, Condition::Overlap(_)))]
     }
@@ -148,7 +148,7 @@ impl Scenes {
     /// [`have`](Self::supports) says so.
     ///
     /// # Errors
-    /// Those of [`Protocol::trial`] and [`Views::trial`].
+    /// The errors of [`Protocol::trial`] and [`Views::trial`].
     pub fn trial(
         &self,
         condition: Condition,

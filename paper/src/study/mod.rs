@@ -1,10 +1,9 @@
 //! The study of weight schemes that the paper leaves to the future: which kernel, bandwidth,
 //! normalisation and descriptor, against noise, outliers, sampling and partial overlap.
 //!
-//! Every scheme is one step: weights on the full connection from descriptors, one closed
-//! form. A grid of them is screened on a few trials a condition; the best, and those of
-//! one's own, are measured on many others, so that the ranking owes nothing to luck in the
-//! choice.
+//! Every scheme is one step: weights on the full connection from descriptors, one closed form. A
+//! grid of schemes is screened on a few trials a condition. The best ones, and user-defined
+//! schemes, are measured on many other trials, so that the ranking has no selection bias.
 
 mod condition;
 mod page;
@@ -39,14 +38,14 @@ pub struct StudyOptions {
     pub output: PathBuf,
     /// A few schemes and trials only.
     pub smoke: bool,
-    /// Schemes of one's own, measured beside the best of the grid.
+    /// User-defined schemes, measured beside the best of the grid.
     pub own: Vec<Scheme>,
 }
 
-/// What came of it.
+/// Results of the study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
-    /// Every place of the grid in every condition.
+    /// Every scheme of the grid in every condition.
     pub screened: Vec<ScreeningResult>,
     /// The finalists, the best first.
     pub rankings: Vec<SchemeRanking>,
@@ -57,30 +56,30 @@ pub struct Study {
 }
 
 impl Study {
-    /// The ranking, the errors behind it, and what each choice is worth, as tables.
+    /// Formats the ranking, its errors, and the gain of each choice, as tables.
     pub fn markdown(&self) -> String {
         tables::markdown(self)
     }
 
-    /// The finalists against overlap, noise and outliers, and what the screening says of
-    /// bandwidths and neighbourhoods, as curves.
+    /// Draws the finalists against overlap, noise and outliers, and the screening of bandwidths and
+    /// neighbourhoods, as curves.
     pub fn figure(&self) -> Figure {
         pictures::figure(self)
     }
 }
 
-/// Seeds of the two rounds; those of the paper's tests, and of what was tried before the grid
-/// was made, are others.
+/// Seeds of the two rounds; they differ from the seeds of the paper's tests, and of the trials
+/// before the grid was defined.
 const SEEDS: [u64; 2] = [11, 13];
 
 /// The method of many steps that stands beside the schemes.
 const REFERENCE_METHOD: &str = "TEASER";
 
-/// Runs the study on `scenes`; `progress` is told how many parts of how many are done.
+/// Runs the study on `scenes`; `progress` receives the number of finished parts and of all parts.
 ///
 /// # Errors
-/// [`Error::Io`] for a folder that cannot be written, [`Error::Config`] for two schemes of
-/// one name; those of [`Scenes::trial`].
+/// [`Error::Io`] for a folder that cannot be written, [`Error::Config`] for two schemes of one
+/// name; the errors of [`Scenes::trial`].
 pub fn run(
     options: &StudyOptions,
     scenes: &Scenes,
@@ -157,7 +156,7 @@ fn without_duplicates<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T
     })
 }
 
-/// One condition a kind is enough to see that all runs.
+/// One condition of each kind is enough to check that everything runs.
 const SKIPPED_BY_SMOKE: [Condition; 8] = [
     Condition::Noise(0.005),
     Condition::Noise(0.02),

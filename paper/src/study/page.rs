@@ -1,4 +1,4 @@
-//! The report of the study of weight schemes: its curves, and the schemes by their standing.
+//! The report of the study of weight schemes: its curves, and the schemes by their rank.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ impl Study {
     /// worse than the paper's last.
     ///
     /// # Errors
-    /// Those of drawing and of writing.
+    /// The errors of drawing and of writing.
     pub fn write_page(&self, folder: &Path) -> Result<()> {
         listing(self)?.write(folder)
     }

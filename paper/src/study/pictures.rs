@@ -8,8 +8,8 @@ use crate::MeanStd;
 use cfreg::figure::{Axes, Content, Curve, Figure, Panel};
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// The finalists against overlap, noise and outliers, and what the screening says of bandwidths
-/// and neighbourhoods.
+/// Draws the finalists against overlap, noise and outliers, and the screening of bandwidths and
+/// neighbourhoods.
 pub(super) fn figure(study: &Study) -> Figure {
     let panels = vec![
         error_panel(study, "overlap", "share of the source's view that is common"),
@@ -47,7 +47,7 @@ fn error_panel(study: &Study, kind: &str, x: &str) -> Panel {
     Panel { title: kind.into(), content }
 }
 
-/// Median errors over the bandwidth, in the screening; the automatic one is a line.
+/// Plots median errors over the bandwidth, in the screening; the automatic one is a line.
 fn bandwidths(study: &Study, condition: Condition) -> Panel {
     let mut curves = Vec::new();
     for (points, scales) in
@@ -82,7 +82,7 @@ fn bandwidths(study: &Study, condition: Condition) -> Panel {
     )
 }
 
-/// Median errors over the size of the neighbourhood, in the screening.
+/// Plots median errors over the size of the neighbourhood, in the screening.
 fn sizes(study: &Study) -> Panel {
     let mut curves = Vec::new();
     for (normals, words) in [(None, "normals of as many"), (Some(10), "normals of 10")] {

@@ -1,4 +1,4 @@
-//! Who is better, and how sure that is.
+//! Ranking of schemes, with confidence intervals.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::condition::Condition;
 use super::trials::TrialOutcome;
 
-/// A figure and the interval that holds it in 95 of 100 repetitions.
+/// A figure and the interval that contains it in 95 of 100 repetitions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
     /// From all trials.
@@ -17,8 +17,8 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// A scheme's mean error over that of the paper's, below 1 where it is better: per kind of
-/// condition the geometric mean over its conditions, and over all kinds alike.
+/// A scheme's mean error over that of the paper's, below 1 if it is better: for each kind of
+/// condition the geometric mean over its conditions, and overall with equal weight for each kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SchemeRanking {
     /// Name of the scheme.
@@ -53,14 +53,14 @@ impl Errors {
         Errors { condition, errors: (0..entrants).map(of).collect() }
     }
 
-    /// Mean error of every entrant over the trials `chosen`.
+    /// Returns the mean error of every entrant over the trials `chosen`.
     pub(super) fn means(&self, chosen: impl ExactSizeIterator<Item = usize> + Clone) -> Vec<f64> {
         let n = chosen.len() as f64;
         let mean = |errors: &Vec<f64>| chosen.clone().map(|trial| errors[trial]).sum::<f64>() / n;
         self.errors.iter().map(mean).collect()
     }
 
-    /// Number of trials.
+    /// Returns the number of trials.
     pub(super) fn trials(&self) -> usize {
         self.errors.first().map_or(0, Vec::len)
     }
@@ -86,7 +86,7 @@ pub(super) fn rank_schemes(
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let drawn: Vec<Vec<Vec<f64>>> = (0..BOOTSTRAP_SAMPLES)
         .map(|_| {
-            // The same numbers in all conditions: trials of a number share their draws.
+            // The same numbers in all conditions: trials of a number share their random draws.
             let chosen: Vec<usize> = (0..n).map(|_| rng.random_range(0..n)).collect();
             let means: Vec<Vec<f64>> =
                 conditions.iter().map(|errors| errors.means(chosen.iter().copied())).collect();
@@ -113,7 +113,7 @@ pub(super) fn rank_schemes(
     standings
 }
 
-/// Kinds of the conditions, each once, in order.
+/// Returns the kinds of the conditions, each once, in order.
 pub(super) fn kinds(conditions: &[Condition]) -> Vec<&'static str> {
     let mut kinds: Vec<&'static str> =
         conditions.iter().map(|condition| condition.kind().0).collect();
@@ -121,7 +121,7 @@ pub(super) fn kinds(conditions: &[Condition]) -> Vec<&'static str> {
     kinds
 }
 
-/// `[entrant][column]`: the mean logarithm of the ratio to `base` over all kinds, then by
+/// Returns `[entrant][column]`: the mean logarithm of the ratio to `base` over all kinds, then by
 /// kind, from `means[condition][entrant]`.
 pub(super) fn scores(conditions: &[Condition], means: &[Vec<f64>], base: usize) -> Vec<Vec<f64>> {
     let kinds = kinds(conditions);

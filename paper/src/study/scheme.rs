@@ -1,4 +1,4 @@
-//! What takes part in the study: weight schemes, those of the grid and anybody's.
+//! Entrants of the study: weight schemes of the grid and user-defined ones.
 
 use cfreg::descriptor::HistogramScale;
 use cfreg::error::Result;
@@ -7,10 +7,10 @@ use cfreg::moments::{FullConnection, Moments};
 use cfreg::search::Neighborhood;
 use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// How points are described, and the moments that a full connection of descriptors comes
-/// to: all that CF leaves open. The closed form is the same for all.
+/// Descriptors of the points, and the moments of a full connection of descriptors: all choices that
+/// CF leaves open. The closed form is the same for all.
 ///
-/// Any scheme of one's own takes part:
+/// User-defined schemes can take part:
 ///
 /// ```
 /// use cfreg::{experiment::study::Scheme, method::FeatureConfig, weight::Normalization};
@@ -21,9 +21,9 @@ use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 /// assert_eq!(mine.name, "quartic");
 /// ```
 pub struct Scheme {
-    /// What tables call it; no two may share a name.
+    /// Name in tables; no two schemes may share a name.
     pub name: String,
-    /// How points are described.
+    /// Settings of the descriptors.
     pub describe: FeatureConfig,
     /// Where it stands in the grid; `None` for one's own.
     pub(super) place: Option<GridPoint>,
@@ -33,7 +33,7 @@ pub struct Scheme {
 type WeightFunction = dyn Fn(&FullConnection) -> Result<Moments> + Send + Sync;
 
 impl Scheme {
-    /// A scheme of one's own.
+    /// Creates a user-defined scheme.
     pub fn new(
         name: impl Into<String>,
         describe: FeatureConfig,
@@ -52,10 +52,10 @@ impl Scheme {
         Scheme { name: place.name(), describe, place: Some(place), weigh: Box::new(weigh) }
     }
 
-    /// The moments that are solved.
+    /// Computes the moments of its step.
     ///
     /// # Errors
-    /// Those of the scheme.
+    /// The errors of the scheme.
     pub fn moments(&self, connection: &FullConnection) -> Result<Moments> {
         (self.weigh)(connection)
     }
@@ -67,7 +67,7 @@ pub struct DescriptorSetup {
     /// Nearest points of the neighbourhoods whose descriptors stand beside each other, each
     /// with those for its normals; `None`: as many.
     pub scales: &'static [(usize, Option<usize>)],
-    /// Whose FPFH.
+    /// Library whose FPFH is computed.
     pub histogram: HistogramScale,
 }
 
@@ -102,7 +102,7 @@ impl DescriptorSetup {
         ]
     };
 
-    /// As a setting of the methods.
+    /// Returns them as a setting of the methods.
     pub fn describe(self) -> FeatureConfig {
         let nearest = Neighborhood::Nearest;
         let (k, normals) = self.scales[0];
@@ -119,7 +119,7 @@ impl DescriptorSetup {
         }
     }
 
-    /// Short, for tables: `100n10+200n50 open3d`.
+    /// Returns a short name for tables: `100n10+200n50 open3d`.
     pub fn name(self) -> String {
         let scale = |&(k, normals): &(usize, Option<usize>)| {
             format!("{k}{}", normals.map_or(String::new(), |normals| format!("n{normals}")))
@@ -194,7 +194,7 @@ impl GridPoint {
         ]
     };
 
-    /// What each of [`STEPS`](Self::STEPS) adds, for curves.
+    /// The change at each of [`STEPS`](Self::STEPS), for curves.
     pub(super) const STEP_NAMES: [&str; 6] = [
         "CF, the paper's",
         "+ dual softmax",
@@ -231,7 +231,7 @@ impl GridPoint {
         places
     }
 
-    /// For tables: description, kernel, bandwidth, normalisation.
+    /// Returns the name for tables: description, kernel, bandwidth, normalisation.
     pub fn name(&self) -> String {
         let GridPoint { points, kernel, beta, normalize } = self;
         format!("{} | {kernel} | {beta} | {normalize}", points.name())

@@ -1,4 +1,4 @@
-//! The first round: every place of the grid on a few trials, and who goes on from there.
+//! The first round: every place of the grid on a few trials, and the choice of finalists.
 
 use std::path::Path;
 
@@ -15,9 +15,9 @@ use cfreg::error::Result;
 /// A place of the grid in one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScreeningResult {
-    /// Name of the scheme: the next four.
+    /// Name of the scheme: the next four fields.
     pub scheme: String,
-    /// How points are described.
+    /// Settings of the descriptors.
     pub points: String,
     /// The kernel.
     pub kernel: String,
@@ -27,17 +27,17 @@ pub struct ScreeningResult {
     pub normalize: String,
     /// Kind of the condition.
     pub condition: String,
-    /// How much of it: deviation of noise in metres, outliers a point, share of overlap.
+    /// Its amount: deviation of noise in metres, outliers a point, share of overlap.
     pub amount: f64,
-    /// Mean of ‖I − R R_gtᵀ‖_F; trials without an answer count as half turns.
+    /// Mean of ‖I − R R_gtᵀ‖_F; trials without a pose count as half turns.
     pub mean_frobenius: f64,
-    /// Median rotation error, degrees; empty where half of the trials have no answer.
+    /// Median rotation error, degrees; empty if half of the trials have no pose.
     pub median_deg: Option<f64>,
-    /// Trials without an answer.
+    /// Number of trials without a pose.
     pub failures: usize,
 }
 
-/// Screens `grid` in one condition, or reads what was screened before.
+/// Screens `grid` in one condition, or reads the earlier screening.
 pub(super) fn run(
     scenes: &Scenes,
     draws: TrialDraws<'_>,
@@ -93,12 +93,13 @@ fn row<'a>(
     }
 }
 
-/// Finalists by the score over all kinds of conditions, and over each kind.
+/// Numbers of finalists by the score over all kinds of conditions, and over each kind. Chosen by
+/// hand.
 const BEST_OVERALL: usize = 8;
 const BEST_OF_KIND: usize = 2;
 
-/// Who goes on: the paper's scheme, the steps from it to [`Place::BEST`], the control, and
-/// the best of the screening, overall and of each kind; each once, in this order.
+/// Selects the finalists: the paper's scheme, the steps from it to [`Place::BEST`], the control,
+/// and the best of the screening, overall and of each kind; each once, in this order.
 pub(super) fn finalists<'a>(
     screened: &[ScreeningResult],
     conditions: &[Condition],
@@ -120,7 +121,7 @@ pub(super) fn finalists<'a>(
     without_duplicates(chosen).into_iter().map(|at| &grid[at]).collect()
 }
 
-/// [`ranking::scores`] of all places, against the one numbered `base`.
+/// Computes [`ranking::scores`] of all places, against the one numbered `base`.
 pub(super) fn scores(
     screened: &[ScreeningResult],
     conditions: &[Condition],

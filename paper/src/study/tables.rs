@@ -15,7 +15,7 @@ const LEGEND: &str = "# Weight schemes\n\n\
     is named) | kernel | bandwidth | normalisation`; `150 | gaussian | 100 | none` is the paper's. \
     No answer counts as a half turn.\n";
 
-/// The study as tables.
+/// Formats the study as tables.
 pub(super) fn markdown(study: &Study) -> String {
     let mut text = String::from(LEGEND);
     let [few, many] = study.trials;
@@ -108,7 +108,7 @@ fn shapes(text: &mut String, study: &Study) {
     }
 }
 
-/// The best scheme with one choice changed, from the screening.
+/// Formats the best scheme with one choice changed, from the screening.
 fn choices(text: &mut String, study: &Study, conditions: &[Condition]) {
     let places = study.screened.len() / conditions.len().max(1);
     let rows = &study.screened[..places];

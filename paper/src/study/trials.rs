@@ -12,7 +12,7 @@ use cfreg::moments::FullConnection;
 use cfreg::par;
 use cfreg::pose::{self, ScaleEstimate, Solver};
 
-/// What registers a pair.
+/// A scheme or method that registers a pair.
 pub(super) enum Entrant<'a> {
     /// Weights once, one solve.
     Scheme(&'a Scheme),
@@ -29,16 +29,16 @@ impl Entrant<'_> {
     }
 }
 
-/// What one entrant made of one trial.
+/// The result of one entrant in one trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialOutcome {
     /// Name of the scheme, or of the method that stands beside.
     pub scheme: String,
     /// Number of the trial.
     pub trial: u64,
-    /// Of which shape.
+    /// Shape of the trial.
     pub shape: Shape,
-    /// Rotation error, degrees; this and the next are empty without an answer.
+    /// Rotation error, degrees; this and the next are empty without a pose.
     pub rotation_deg: Option<f64>,
     /// ‖I − R R_gtᵀ‖_F.
     pub frobenius: Option<f64>,
@@ -51,7 +51,7 @@ impl TrialOutcome {
     }
 }
 
-/// Where trials come from: all that their outcomes depend on, but for the schemes.
+/// Source of the trials: everything that their outcomes depend on, except the schemes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct TrialDraws<'a> {
     pub(super) condition: Condition,
@@ -77,13 +77,13 @@ impl<'a> TrialDraws<'a> {
     }
 }
 
-/// Points of a cloud, as in the paper's tests.
+/// Number of points of a cloud, as in the paper's tests.
 const POINTS: usize = 500;
 
-/// Every entrant on every trial: trial by trial, in the order of the entrants.
+/// Runs every entrant on every trial: trial by trial, in the order of the entrants.
 ///
 /// # Errors
-/// Those of [`Scenes::trial`]; an entrant without an answer is an outcome.
+/// The errors of [`Scenes::trial`]; an entrant without a pose is an outcome.
 pub(super) fn run(
     scenes: &Scenes,
     draws: TrialDraws<'_>,

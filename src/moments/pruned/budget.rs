@@ -63,8 +63,8 @@ impl PruningBudget {
     /// bounds left out sum to at most `share` of the weight that it reports, for a row of factor 1.
     /// Returns how many columns were weighted.
     ///
-    /// The weight that `weigh` reports grows with the weighted columns, so the error bound also
-    /// holds at the end.
+    /// The weight that `weigh` reports grows with the weighted columns, so the error bound is
+    /// valid at the end, too.
     pub(super) fn weigh_within_share(
         &mut self,
         share: f64,
