@@ -27,7 +27,7 @@ pub struct EvaluationReport {
 /// use cfreg::{PointCloud, Transform, verify};
 /// let cloud = PointCloud::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]])?;
 /// let truth = Transform::IDENTITY;
-/// let judged = verify::judge(&cloud, &cloud, &truth, None, Some(&truth))?;
+/// let judged = verify::evaluate_with_truth(&cloud, &cloud, &truth, None, Some(&truth))?;
 /// assert_eq!((judged.evaluation.fitness, judged.truth.unwrap().rotation_deg), (1.0, 0.0));
 /// # Ok::<(), cfreg::Error>(())
 /// ```

@@ -35,7 +35,7 @@ impl Consensus {
     /// # let (source, target) = (boulder().sample(2000, 1)?, boulder().sample(2000, 2)?);
     /// let wrong = Transform::from_rotation_vector([0.0, 0.0, 1.0]);
     /// let [right, wrong] = [Transform::IDENTITY, wrong]
-    ///     .map(|pose| Consensus::default().judge(&source, &target, &pose));
+    ///     .map(|pose| Consensus::default().verify(&source, &target, &pose));
     /// assert_eq!(right?.decision, Decision::Accept);
     /// let wrong = wrong?;
     /// assert_eq!(wrong.decision, Decision::Reject);
