@@ -2,12 +2,12 @@
 //! are made of its moments.
 
 use cfreg::cloud::shape::boulder;
-use cfreg::method::Cf;
+use cfreg::method::{Cf, Register};
 use cfreg::moments::Moments;
-use cfreg::weight::{Gaussian, Normalization, WeightKernel};
+use cfreg::weight::{Gaussian, Normalization, WeightKernel, WeightScheme};
 use cfreg::{PointCloud, Transform};
 
-/// w = (1 + d²/β)⁻⁸: of heavier tails than a Gaussian of β/8.
+/// w = β / (β + d²): the weight of Cauchy, written anew.
 struct InverseQuadratic {
     beta: f32,
 }
@@ -15,32 +15,40 @@ struct InverseQuadratic {
 impl WeightKernel for InverseQuadratic {
     #[inline(always)]
     fn weight(&self, d2: f32) -> f32 {
-        (1.0 + d2 / self.beta).powi(-8)
+        self.beta / (self.beta + d2)
     }
 }
 
-fn pair() -> (PointCloud, PointCloud, Transform) {
+fn pair() -> (PointCloud, PointCloud) {
     let truth = Transform::from_rotation_vector([0.3, 1.2, -0.5]);
     let target = boulder().sample(800, 2).unwrap().transformed(&truth).unwrap();
-    (boulder().sample(800, 1).unwrap(), target, truth)
+    (boulder().sample(800, 1).unwrap(), target)
 }
 
 #[test]
-fn a_kernel_of_ones_own_registers() {
-    let (source, target, truth) = pair();
+fn a_kernel_of_ones_own_registers_as_the_same_kernel_of_the_crate() {
+    let (source, target) = pair();
     let found = Cf::default()
         .register_with(&source, &target, |connection| {
-            connection.moments(&InverseQuadratic { beta: 400.0 }, Normalization::Both)
+            connection.moments(&InverseQuadratic { beta: 60.0 }, Normalization::Both)
         })
         .unwrap();
-    let off = found.transform.after(&truth.inverse()).angle().to_degrees();
-    assert!(off < 20.0, "{off}");
+    let named = Cf {
+        weights: WeightScheme::Cauchy,
+        beta: Some(60.0.into()),
+        normalization: Normalization::Both,
+        ..Cf::default()
+    };
+    let expected = named.register(&source, &target).unwrap();
+    let off = found.transform.after(&expected.transform.inverse());
+    assert!(off.angle() < 1e-4, "{}", off.angle());
+    assert!((found.moments.weight / expected.moments.weight - 1.0).abs() < 1e-4);
     assert_eq!(found.method.settings["weights"], "custom");
 }
 
 #[test]
 fn moments_of_two_kernels_add_up() {
-    let (source, target, _) = pair();
+    let (source, target) = pair();
     let (mut sum, mut parts) = (None, None);
     let cf = Cf::default();
     cf.register_with(&source, &target, |connection| {
