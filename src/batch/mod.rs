@@ -80,14 +80,14 @@ pub enum StartMode {
 /// How a list of pairs is run.
 ///
 /// ```
-/// use cfreg::batch::{Batch, List};
+/// use cfreg::batch::{Batch, PairList};
 /// use cfreg::{cloud::shape::boulder, io, method::{Pipeline, Consensus}};
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let folder = folder.path();
 /// for seed in 0..3 {
 ///     io::write(folder.join(format!("{seed}.ply")), &boulder().sample(500, seed)?)?;
 /// }
-/// let list = List::new(folder, [["0.ply", "1.ply"], ["1.ply", "2.ply"], ["2.ply", "none.ply"]]);
+/// let list = PairList::new(folder, [["0.ply", "1.ply"], ["1.ply", "2.ply"], ["2.ply", "none.ply"]]);
 /// let method: Pipeline = Pipeline::new("cf".parse()?, vec!["icp".parse()?])?;
 /// let done = Batch::new(&method, &method).run(&list, &folder.join("poses.csv"))?;
 /// assert_eq!((done.pairs, done.errors), (3, 1));

@@ -13,7 +13,7 @@ use crate::math::{self, Vec3};
 /// [`Error::Config`] for a step of 0.
 ///
 /// ```
-/// let pairs = cfreg::batch::consecutive(4, &[1, 3])?;
+/// let pairs = cfreg::batch::sequential_pairs(4, &[1, 3])?;
 /// assert_eq!(pairs, [[1, 0], [2, 1], [3, 2], [3, 0]]);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
@@ -39,7 +39,7 @@ const MAX_PAIRS: usize = 60_000_000;
 ///
 /// ```
 /// let places = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]];
-/// assert_eq!(cfreg::batch::within(&places, 5.0)?, [[2, 0]]);
+/// assert_eq!(cfreg::batch::radius_pairs(&places, 5.0)?, [[2, 0]]);
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub fn radius_pairs(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {

@@ -47,7 +47,7 @@ impl Descriptors {
     ///
     /// ```
     /// let (source, target) = ([1e9, 1e9 + 1.0], [1e9 + 3.0]);
-    /// let [source, target] = cfreg::Descriptors::both(1, &source, &target)?;
+    /// let [source, target] = cfreg::Descriptors::from_f64_pair(1, &source, &target)?;
     /// assert_eq!(target.row(0)[0] - source.row(1)[0], 2.0);
     /// # Ok::<(), cfreg::Error>(())
     /// ```

@@ -29,7 +29,8 @@ use crate::verify::{VerdictModel, Warning};
 /// # let (source, target) = (boulder().sample(400, 1)?, boulder().sample(400, 2)?);
 /// let chain = Pipeline::new("cf".parse()?, vec!["icp".parse()?])?;
 /// let refined = chain.register(&source, &target)?;
-/// assert_eq!((refined.method, refined.refined_from.unwrap().method), ("icp", "cf"));
+/// assert_eq!(refined.method.name, "icp");
+/// assert_eq!(refined.refined_from.unwrap().method.name, "cf");
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -25,12 +25,12 @@ use crate::verify;
 ///
 /// ```
 /// use cfreg::method::{Method, Register};
-/// use cfreg::report::Pair;
+/// use cfreg::report::PairReport;
 /// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
 /// let found = Method::register(&"consensus".parse()?, &source, &target)?;
 /// let json = serde_json::to_string(&found).unwrap();
-/// let html = Pair::new(&json, &source, &target)?.html()?;
+/// let html = PairReport::new(&json, &source, &target)?.html()?;
 /// assert!(html.starts_with("<!doctype html>"));
 /// # Ok::<(), cfreg::Error>(())
 /// ```

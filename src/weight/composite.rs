@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 ///     at(WeightScheme::Gaussian, 100.0),
 ///     Composite::Times(0.5, Box::new(at(WeightScheme::TruncatedQuadratic, 30.0))),
 /// ]);
-/// let both = both.resolved(Ok)?;
+/// let both = both.resolve(Ok)?;
 /// assert_eq!((both.weight(0.0), both.weight(31.0)), (0.5, 0.0));
 /// # Ok::<(), cfreg::Error>(())
 /// ```

@@ -13,7 +13,8 @@ use cfreg::weight::{Bandwidth, Normalization, WeightScheme};
 /// User-defined schemes can take part:
 ///
 /// ```
-/// use cfreg::{experiment::study::Scheme, method::FeatureConfig, weight::Normalization};
+/// use cfreg::{method::FeatureConfig, weight::Normalization};
+/// use cfreg_paper::study::Scheme;
 /// let mine = Scheme::new("quartic", FeatureConfig::default(), |connection| {
 ///     let kernel = |d2: f32| 1.0 / (1.0 + d2 * d2 * 1e-4);
 ///     connection.moments(&kernel, Normalization::Both)
