@@ -1,65 +1,64 @@
-//! The one error type of the crate.
+//! The error type of the crate.
 //!
-//! Every variant carries what clashed, so that a message names the file, line,
-//! field or value and what to do about it. `Err` means that an answer could not
-//! be computed; an answer with grounds for doubt is `Ok` with those grounds
-//! inside (see [`crate::verify`]).
+//! Every variant carries its cause, so that a message names the file, line, field or value and what
+//! to do about it. `Err` means that no pose could be computed; a pose with warnings is `Ok` and
+//! contains these warnings (see [`crate::verify`]).
 
 use std::path::{Path, PathBuf};
 
 /// `Result` with the crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Everything that can keep an answer from being computed.
+/// All reasons why a result could not be computed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Fewer usable points than the step needs.
+    /// Fewer usable points than required.
     #[error("{what} has {found} usable points, at least {needed} are needed")]
     TooFewPoints {
-        /// Which cloud, or which set of points.
+        /// The cloud or set of points.
         what: String,
-        /// Points that are there.
+        /// Number of points present.
         found: usize,
-        /// Points that the step needs.
+        /// Number of points required.
         needed: usize,
     },
 
-    /// A value handed in by the caller is NaN or infinite.
+    /// A value passed by the caller is NaN or infinite.
     ///
-    /// Clouds drop such points and count them instead; this is for descriptors,
-    /// weights and moments, where dropping would hide a fault of the caller.
+    /// Clouds drop and count NaN and infinite points instead; this is for descriptors, weights and
+    /// moments, where dropping would hide an error of the caller.
     #[error("{what} has a NaN or infinite value at index {index}: remove or repair it first")]
     NonFinite {
-        /// What held the value.
+        /// The container of the value.
         what: String,
-        /// Its row.
+        /// Row of the value.
         index: usize,
     },
 
-    /// Two things that must agree in length or dimension do not.
+    /// Two inputs that must have the same length or dimension differ.
     #[error("{what}: expected {expected}, found {found}")]
     Shape {
-        /// What was compared.
+        /// The compared inputs.
         what: String,
-        /// The size that was called for.
+        /// The required size.
         expected: usize,
-        /// The size that was there.
+        /// The size found.
         found: usize,
     },
 
-    /// A setting given by name that the method does not have, or of the wrong kind.
+    /// A setting by name that the method does not have, or of the wrong type.
     #[error("{name} = {value}: {rule}")]
     Setting {
-        /// The name as it was given.
+        /// The name as passed.
         name: String,
         /// The value as JSON.
         value: String,
-        /// What would be right.
+        /// The valid values.
         rule: String,
     },
 
-    /// The coordinates span more, or less, than f32 squared distances can hold.
+    /// The coordinates span more, or less, than squared distances in f32 can represent.
     #[error(
         "coordinates span {extent:e} units, spans between 1e-15 and 1e15 can be computed with: \
          look for stray points or change the unit"
@@ -75,13 +74,13 @@ pub enum Error {
          computed with, NaN marks points that are to be left out"
     )]
     Coordinate {
-        /// The point, from 0, in the order in which points were given.
+        /// Index of the point, from 0, in input order.
         index: usize,
         /// The first of its coordinates that is too large.
         value: f64,
     },
 
-    /// No connection has any weight, so there is nothing to solve.
+    /// No connection has any weight, so that there is nothing to solve.
     #[error(
         "no connection has any weight: nothing is alike, or near enough under the pose to start \
          from; check the clouds (lines, planes and a few points look alike everywhere){}{}",
@@ -89,7 +88,7 @@ pub enum Error {
         advice
     )]
     NoWeight {
-        /// What may help, in settings of the method; empty where no method is known.
+        /// Possible remedies, in settings of the method; empty without a known method.
         advice: &'static str,
     },
 
@@ -103,7 +102,7 @@ pub enum Error {
         .singular_values[0], .singular_values[1], .singular_values[2]
     )]
     Degenerate {
-        /// Number of singular values that count, 0 or 1.
+        /// Number of non-negligible singular values, 0 or 1.
         rank: usize,
         /// Singular values of the cross-covariance over the product of the two
         /// weighted standard deviations, in `[0, 1]`, descending.
@@ -115,18 +114,17 @@ pub enum Error {
     Config {
         /// Name of the setting, as in the configuration struct.
         field: &'static str,
-        /// What it was set to.
+        /// The value of the setting.
         value: String,
-        /// What it must be.
+        /// The valid values.
         rule: String,
     },
 
-    /// The work was ended from outside before it was done
-    /// ([`par::Interrupt`](crate::par::Interrupt)).
+    /// The work was interrupted before it was done ([`par::Interrupt`](crate::par::Interrupt)).
     #[error("interrupted before there was an answer")]
     Interrupted,
 
-    /// A file that is not what it claims to be.
+    /// A file with invalid content.
     #[error("{}{}: {what}", .path.display(), FilePosition(*.line, *.byte))]
     Parse {
         /// The file.
@@ -135,7 +133,7 @@ pub enum Error {
         line: Option<usize>,
         /// Byte, from 0, in a binary part.
         byte: Option<u64>,
-        /// What was wrong, and what was expected.
+        /// The error, and the expected content.
         what: String,
     },
 
@@ -144,26 +142,26 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
 }
 
 impl Error {
-    /// An [`Error::NoWeight`] of whatever method.
+    /// An [`Error::NoWeight`] of any method.
     pub(crate) const NO_WEIGHT: Error = Error::NoWeight { advice: "" };
 
-    /// An [`Error::Io`] for `path`.
+    /// Creates an [`Error::Io`] for `path`.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Error::Io { path: path.as_ref().to_path_buf(), source }
     }
 
-    /// An [`Error::Parse`] of the text in `path`, at a line where one is to blame.
+    /// Creates an [`Error::Parse`] of the text in `path`, with the line if one is known.
     pub fn parse(path: impl AsRef<Path>, line: Option<usize>, what: impl Into<String>) -> Self {
         Error::Parse { path: path.as_ref().to_path_buf(), line, byte: None, what: what.into() }
     }
 
-    /// An [`Error::Config`] that shows `value` as the user would write it.
+    /// Creates an [`Error::Config`] that shows `value` as the user would write it.
     pub fn config(
         field: &'static str,
         value: impl std::fmt::Display,
@@ -173,7 +171,7 @@ impl Error {
     }
 }
 
-/// `:line 3`, `:byte 120` or nothing.
+/// Formats as `:line 3`, `:byte 120` or nothing.
 struct FilePosition(Option<usize>, Option<u64>);
 
 impl std::fmt::Display for FilePosition {

@@ -1,7 +1,7 @@
-//! The command line; all of it is in [`cfreg::cli`].
+//! The command line, implemented in [`cfreg::cli`].
 
-/// Whether the process was begun with a standard output: asked before Rust starts up, which opens
-/// /dev/null in its place.
+/// Checks whether the process started with a standard output. The check runs before Rust's startup,
+/// which opens /dev/null in its place.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
 mod output {
     use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,11 +15,11 @@ mod output {
     extern "C" fn check_output() {
         const STDOUT: i32 = 1;
         const F_GETFD: i32 = 1;
-        // SAFETY: asks for the flags of a file by its number, whether there is one or not.
+        // SAFETY: reads the flags of a file by its number, which need not be open.
         CLOSED.store(unsafe { fcntl(STDOUT, F_GETFD) } == -1, Ordering::Relaxed);
     }
 
-    // SAFETY: functions in this section are called once, before main, with no thread beside.
+    // SAFETY: functions in this section are called once, before main, with no other thread.
     #[used]
     #[cfg_attr(target_os = "linux", unsafe(link_section = ".init_array"))]
     #[cfg_attr(target_os = "macos", unsafe(link_section = "__DATA,__mod_init_func"))]

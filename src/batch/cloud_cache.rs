@@ -1,5 +1,5 @@
-//! The clouds of a list: each read once, and kept as long as there is room, with what methods
-//! make of it alone.
+//! The clouds of a list: each is read once and cached within a memory budget, with the data that
+//! methods compute from it alone.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::filter::Downsampling;
 use crate::method::{Cache, Cached};
 
-/// Clouds that were read, the least recently used given up first.
+/// Clouds that were read; the least recently used is evicted first.
 pub(super) struct CloudCache {
     thinning: Downsampling,
     budget: usize,
@@ -22,11 +22,11 @@ pub(super) struct CloudCache {
 struct CacheState {
     clouds: HashMap<CacheKey, CacheSlot>,
     bytes: usize,
-    /// Grows with every use.
+    /// Increases with every use.
     clock: u64,
 }
 
-/// A file, and the stream of random draws by which it is thinned.
+/// A file, and the random stream for its downsampling.
 type CacheKey = (PathBuf, u64);
 
 struct CacheSlot {
@@ -35,10 +35,10 @@ struct CacheSlot {
     used: u64,
 }
 
-/// A cloud, or the words of the error: those who wait for a file that cannot be read need them.
+/// A cloud, or the message of the error, for all callers that wait for a file that cannot be read.
 pub(super) type ReadResult = std::result::Result<Arc<CachedCloud>, String>;
 
-/// A cloud, and what was made of it.
+/// A cloud, and the data computed from it.
 pub(super) struct CachedCloud {
     key: CacheKey,
     cloud: PointCloud,
@@ -52,20 +52,20 @@ impl CachedCloud {
 }
 
 impl CloudCache {
-    /// None are held yet; at most `budget` bytes of those that no pair is using will be.
+    /// Creates an empty cache that holds at most `budget` bytes of clouds that no pair is using.
     pub(super) fn new(thinning: Downsampling, budget: usize) -> Self {
         CloudCache { thinning, budget, state: Mutex::default() }
     }
 
-    /// The cloud in `path`, by `read` where it is not held; a second caller waits while the first
-    /// reads.
+    /// Returns the cloud in `path`, read by `read` if it is not cached; a second caller waits while
+    /// the first reads.
     pub(super) fn get(
         &self,
         path: &Path,
         stream: u64,
         read: impl FnOnce() -> Result<PointCloud>,
     ) -> ReadResult {
-        // Only random draws tell the sides of a pair apart.
+        // The sides of a pair differ only in random draws.
         let stream = if self.thinning.sample.is_some() { stream } else { 0 };
         let key = (path.to_path_buf(), stream);
         let cell = {
@@ -91,7 +91,7 @@ impl CloudCache {
         read.clone()
     }
 
-    /// Counts what was made of a cloud since it was [got](Self::get).
+    /// Updates the size of a cloud after more data was computed since [`get`](Self::get).
     pub(super) fn touch(&self, kept: &CachedCloud) {
         self.lock().resize(&kept.key, memory_size(Some(kept)), self.budget);
     }
@@ -102,7 +102,7 @@ impl CloudCache {
 }
 
 impl CacheState {
-    /// Counts a cloud that was read or of which more was made, and makes room.
+    /// Updates the size of a cloud that was read or extended, and evicts others if needed.
     fn resize(&mut self, key: &CacheKey, bytes: usize, budget: usize) {
         let Some(slot) = self.clouds.get_mut(key) else { return };
         self.bytes = self.bytes - slot.bytes + bytes;
@@ -118,13 +118,13 @@ impl CacheState {
     }
 }
 
-/// What a cloud takes, and what is kept around it.
+/// Returns the bytes of a cloud and of its cache entry.
 fn memory_size(kept: Option<&CachedCloud>) -> usize {
     const OVERHEAD: usize = 512;
     OVERHEAD + kept.map_or(0, |kept| kept.cloud.bytes() + kept.cache.bytes())
 }
 
-/// Adds all that a cloud consists of to a hash.
+/// Adds all data of a cloud to a hash.
 pub(super) fn hash_cloud(hash: &mut Fnv1a, cloud: &PointCloud) {
     let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, .. } =
         cloud.parts();
@@ -160,7 +160,7 @@ mod tests {
         let clouds = CloudCache::new(Downsampling::default(), 2 * one);
         let first = clouds.get(&a, 0, || io::read(&a)).unwrap();
         clouds.get(&b, 0, || io::read(&b)).unwrap();
-        // Held, whatever becomes of the file.
+        // Cached even if the file is gone.
         std::fs::remove_file(&a).unwrap();
         assert!(Arc::ptr_eq(&first, &clouds.get(&a, 1, || io::read(&a)).unwrap()));
         clouds.get(&c, 0, || io::read(&c)).unwrap();
@@ -194,12 +194,13 @@ mod tests {
         clouds.touch(&first);
         let one = clouds.lock().bytes;
         assert!(one > plain + 300 * 33 * 4 && one < plain + 300 * 60 * 4, "{plain} {one}");
-        // Again is not more.
+        // A second touch adds nothing.
         clouds.touch(&first);
         assert_eq!(clouds.lock().bytes, one);
         clouds.touch(&second);
         assert_eq!(clouds.lock().bytes, 2 * one - plain);
-        // Beyond the budget the one that was used first goes, with all that was made of it.
+        // Beyond the budget the least recently used cloud is evicted, with all data computed from
+        // it.
         let third = clouds.get(&b, 0, || io::read(&b)).unwrap();
         assert!(Arc::ptr_eq(&second, &third));
         let few = CloudCache { budget: one, ..clouds };

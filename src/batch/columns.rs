@@ -1,9 +1,9 @@
-//! What stands in the columns of rows.
+//! Columns of rows.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// A column of many rows, by its kind; `None` where a row has nothing in it.
+/// A column of many rows, by its type; `None` for a row without a value.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "said by their types")]
 pub enum Column {
@@ -20,13 +20,13 @@ impl Column {
             (Column::Flag(column), CellValue::Flag(flag)) => column.push(flag),
             (Column::Count(column), CellValue::Count(count)) => column.push(count),
             (Column::Number(column), CellValue::Number(number)) => column.push(number),
-            // Every row has the same columns of the same kinds.
+            // Every row has the same columns of the same types.
             _ => {}
         }
     }
 }
 
-/// What stands in a column.
+/// A cell of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum CellValue<'a> {
     Text(Option<&'a str>),
@@ -36,7 +36,7 @@ pub(super) enum CellValue<'a> {
 }
 
 impl CellValue<'_> {
-    /// As CSV has it, every digit kept; nothing for `None`.
+    /// Formats the cell for CSV with every digit; empty for `None`.
     pub(super) fn to_csv(self) -> String {
         match self {
             CellValue::Text(text) => text.unwrap_or_default().into(),
@@ -58,7 +58,7 @@ impl Serialize for CellValue<'_> {
     }
 }
 
-/// A row as one object without any within, as JSON Lines have it.
+/// A row as one flat object, for JSON Lines.
 pub(super) struct FlatRow<'a>(pub(super) &'a [(String, CellValue<'a>)]);
 
 impl Serialize for FlatRow<'_> {

@@ -1,4 +1,4 @@
-//! Who is at work, and since when: what time limits and the end of a run go by.
+//! Running pairs and their start times, for time limits and for the end of a run.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::par::Interrupt;
 
-/// The pairs that are at work, and since when.
+/// The running pairs and their start times.
 #[derive(Default)]
 pub(super) struct Deadlines(Mutex<DeadlineState>);
 
@@ -21,7 +21,7 @@ impl Deadlines {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the pair is to run under.
+    /// Registers the start of a pair and returns its interrupt.
     pub(super) fn start(&self, index: usize) -> Interrupt {
         let interrupt = Interrupt::default();
         let mut watched = self.lock();
@@ -32,14 +32,14 @@ impl Deadlines {
         interrupt
     }
 
-    /// Whether all work is to end.
+    /// Registers the end of a pair and returns whether all work is to end.
     pub(super) fn finish(&self, index: usize) -> bool {
         let mut watched = self.lock();
         watched.running.remove(&index);
         watched.ended
     }
 
-    /// Ends those that are at it for longer than `limit`.
+    /// Interrupts the pairs that run longer than `limit`.
     pub(super) fn interrupt_late(&self, limit: Option<Duration>) {
         let Some(limit) = limit else { return };
         for (begun, interrupt) in self.lock().running.values() {
@@ -49,7 +49,7 @@ impl Deadlines {
         }
     }
 
-    /// Ends them all, and those that are yet to begin.
+    /// Interrupts all pairs, including those that start later.
     pub(super) fn interrupt_all(&self) {
         let mut watched = self.lock();
         watched.ended = true;

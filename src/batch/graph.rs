@@ -8,26 +8,26 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::pose_graph::{PoseEdge, PoseGraph};
 
-/// The graph of the rows of a list, and how many rows are no edge.
+/// The pose graph of the rows of a list, and the numbers of rows without an edge.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct RowGraph {
-    /// An edge for each row whose pose may be used ([`Row::is_usable`]). Clouds are numbered as they
-    /// come, those without an edge too.
+    /// One edge for each row whose pose may be used ([`Row::is_usable`]). Clouds are numbered in
+    /// the order of first use, including those without an edge.
     pub graph: PoseGraph,
     /// Rows whose pose may not be used, or that have none.
     pub not_accepted: usize,
-    /// Rows whose pose may be used, but without a covariance (of methods without a verdict), with a
-    /// scale, or of a cloud to itself.
+    /// Rows whose pose may be used but is left out: without a covariance (of methods without a
+    /// verdict), with a scale, or of a cloud to itself.
     pub skipped: usize,
 }
 
 impl RowGraph {
-    /// The graph of these rows.
+    /// Builds the graph of these rows.
     ///
     /// # Errors
-    /// [`Error::Config`] with the pair for numbers that are no pose, and for those that leave the
-    /// range of f64 where they are multiplied.
+    /// [`Error::Config`] with the pair for numbers that are no pose, and for products outside the
+    /// range of f64.
     pub fn new<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Result<RowGraph> {
         let mut found = RowGraph::default();
         for row in rows {
@@ -64,8 +64,8 @@ impl RowGraph {
         Ok(found)
     }
 
-    /// Writes the names of the clouds, CSV with the columns `vertex` and `cloud`; a file that was
-    /// there is replaced.
+    /// Writes the names of the clouds, CSV with the columns `vertex` and `cloud`; an existing file
+    /// is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -127,7 +127,7 @@ mod tests {
         sheared.pose = Some(std::array::from_fn(|k| k as f64));
         let said = RowGraph::new(&[sheared]).unwrap_err().to_string();
         assert!(said.starts_with("rows = pair 7: its pose is not a rotation"), "{said}");
-        // A pose may be accepted and yet doubted, as where the clouds are flat.
+        // A pose may be accepted and have warnings, for example for flat clouds.
         let doubted = Row { trusted: Some(false), ..row("b", "a", "accept", one, 0.99) };
         let failed = Row { error: Some("none".into()), ..row("b", "a", "accept", one, 0.99) };
         let untold = Row { trusted: None, ..row("b", "a", "accept", one, 0.99) };

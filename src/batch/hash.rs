@@ -1,6 +1,6 @@
-//! Numbers that tell what a run was given from what another was.
+//! Hashes that identify the inputs of a run.
 
-/// FNV-1a, 64 bits: the same on every machine, and no proof against malice.
+/// FNV-1a, 64 bits: the same on every machine, and not secure against malice.
 pub(super) struct Fnv1a(u64);
 
 impl Default for Fnv1a {
@@ -14,22 +14,22 @@ impl Fnv1a {
         self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
     }
 
-    /// That of these bytes.
+    /// Returns the hash of these bytes.
     pub(super) fn hash_bytes(bytes: &[u8]) -> u64 {
         let mut hash = Fnv1a::default();
         hash.add_bytes(bytes);
         hash.value()
     }
 
-    /// Adds bytes. Those of one length that differ in one byte have different numbers.
+    /// Adds bytes. Inputs of one length that differ in one byte have different hashes.
     pub(super) fn add_bytes(&mut self, bytes: &[u8]) {
         bytes.iter().for_each(|&byte| self.add_byte(byte));
     }
 
-    /// Adds a text, and that it ends.
+    /// Adds a text and a terminator.
     pub(super) fn add_text(&mut self, text: &str) {
         self.add_bytes(text.as_bytes());
-        // In no UTF-8.
+        // This byte is in no UTF-8.
         self.add_byte(0xff);
     }
 

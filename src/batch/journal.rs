@@ -1,8 +1,9 @@
-//! Rows as they come, in a file beside the output: what a run that was cut short goes on from.
+//! The journal: rows in order of completion, in a file beside the output, from which an interrupted
+//! run resumes.
 //!
-//! JSON Lines: first what the run was asked for, then a row a line, in the order in which pairs
-//! were done, each with a checksum of the first line and of its own. A line counts once its end is
-//! there and the checksum is that of what stands before it; the pair of any other is done again.
+//! JSON Lines: first the inputs of the run, then one row a line, in the order in which pairs were
+//! done. Each row has a checksum of the first line and of its own text. A line counts if it is
+//! complete and its checksum matches; any other pair is done again.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
@@ -17,18 +18,19 @@ use super::{PairList, Row};
 use crate::error::{Error, Result};
 use crate::io::limited_file;
 
-/// Seconds after which the system is asked to have what was written on the disk.
+/// Seconds between requests to flush the journal to disk. Chosen by hand.
 const SYNC_INTERVAL: Duration = Duration::from_secs(5);
 
-/// A journal that is open, and where its rows begin.
+/// An open journal with the positions of its rows.
 pub(super) struct Journal {
     path: PathBuf,
     file: File,
-    /// Where the row of each pair begins; 0, where the header is, for those not done.
+    /// Byte at which the row of each pair begins; 0, the position of the header, for pairs not
+    /// done.
     row_offsets: Vec<u64>,
     end: u64,
     done: usize,
-    /// Lines that are not as they were written, or of other pairs.
+    /// Lines that were modified, or of other pairs.
     damaged: usize,
     /// Checksum of the first line.
     header_checksum: u64,
@@ -36,12 +38,12 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// The place of the journal of an output.
+    /// Returns the path of the journal of an output.
     pub(super) fn path_for(output: &Path) -> PathBuf {
         with_suffix(output, ".part")
     }
 
-    /// Refuses what is there and no journal.
+    /// Refuses an existing path that is no journal.
     ///
     /// # Errors
     /// [`Error::Config`]; [`Error::Io`].
@@ -61,8 +63,8 @@ impl Journal {
         }
     }
 
-    /// Opens the journal for the pairs of `list` under `header`, with `resume` the rows that are in
-    /// it already, else none.
+    /// Opens the journal for the pairs of `list` under `header`. With `resume` it keeps existing
+    /// rows; otherwise it starts empty.
     ///
     /// # Errors
     /// [`Error::Config`] when it was begun by another `header`, when it is not a journal, or when
@@ -100,7 +102,7 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Takes over what is there, if it is to, and cuts off what is not whole.
+    /// Reads the existing rows, if `resume` is set, and cuts off an incomplete end.
     fn read(&mut self, header: &Value, first: &str, list: &PairList, resume: bool) -> Result<()> {
         let path = self.path.clone();
         let failed = |error| Error::io(&path, error);
@@ -120,7 +122,7 @@ impl Journal {
             return refuse(rule);
         }
         self.end = line.len() as u64;
-        // Written otherwise, though it says the same.
+        // The header may be formatted differently with the same content.
         self.header_checksum = Fnv1a::hash_bytes(&line);
         loop {
             match limited_file::read_line(&mut reader, &mut line) {
@@ -145,7 +147,7 @@ impl Journal {
         }
     }
 
-    /// The row in a line, if it is as it was written.
+    /// Parses the row in a line, if its checksum matches.
     fn row(&self, line: &[u8]) -> Option<Row> {
         let row = line.strip_suffix(b"\"}\n")?;
         let (row, sum) = row.split_at_checked(row.len().checked_sub(CHECKSUM_DIGITS)?)?;
@@ -158,7 +160,7 @@ impl Journal {
         serde_json::from_slice(&whole).ok()
     }
 
-    /// The checksum of a row.
+    /// Returns the checksum of a row.
     fn row_checksum(&self, row: &[u8]) -> String {
         let mut hash = Fnv1a::default();
         hash.add_bytes(&self.header_checksum.to_le_bytes());
@@ -166,7 +168,7 @@ impl Journal {
         format!("{:016x}", hash.value())
     }
 
-    /// Leaves what is before the end, and nothing else.
+    /// Truncates the file at the end of its valid rows.
     fn truncate(&mut self) -> Result<()> {
         self.file.set_len(self.end).map_err(|error| Error::io(&self.path, error))
     }
@@ -188,7 +190,7 @@ impl Journal {
     pub(super) fn add(&mut self, row: &Row) -> Result<()> {
         let fail = |error: io::Error| Error::io(&self.path, error);
         let mut line = serde_json::to_vec(row).map_err(|error| fail(error.into()))?;
-        // Without the brace at the end, which comes behind the checksum.
+        // Without the final brace, which comes after the checksum.
         line.pop();
         let sum = self.row_checksum(&line);
         line.extend_from_slice(format!("{CHECKSUM_FIELD}{sum}\"}}\n").as_bytes());
@@ -200,7 +202,7 @@ impl Journal {
         self.sync(SYNC_INTERVAL)
     }
 
-    /// Has rows on the disk, unless that was done less than `after` ago.
+    /// Flushes rows to disk, unless that was done less than `after` ago.
     pub(super) fn sync(&mut self, after: Duration) -> Result<()> {
         if self.synced.elapsed() < after {
             return Ok(());
@@ -209,31 +211,31 @@ impl Journal {
         self.file.sync_data().map_err(|error| Error::io(&self.path, error))
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub(super) fn done_count(&self) -> usize {
         self.done
     }
 
-    /// Number of lines whose pairs are done again, as they were changed.
+    /// Returns the number of modified lines, whose pairs are done again.
     pub(super) fn damaged_count(&self) -> usize {
         self.damaged
     }
 
-    /// The pairs that have no row yet, in order.
+    /// Returns the pairs that have no row yet, in order.
     pub(super) fn missing_indices(&self) -> Vec<usize> {
         (0..self.row_offsets.len()).filter(|&index| self.row_offsets[index] == 0).collect()
     }
 
-    /// All rows, in the order of the list.
+    /// Iterates over all rows, in the order of the list.
     ///
     /// # Errors
-    /// Each: [`Error::Io`], and [`Error::Parse`] where the file was changed from outside.
+    /// For each row: [`Error::Io`], and [`Error::Parse`] if the file was changed from outside.
     pub(super) fn rows(&self) -> Result<impl Iterator<Item = Result<Row>> + '_> {
         let failed = |error| Error::io(&self.path, error);
         let mut reader = BufReader::new(self.file.try_clone().map_err(failed)?);
         let (mut at, mut line) = (reader.seek(SeekFrom::Start(0)).map_err(failed)?, Vec::new());
         Ok(self.row_offsets.iter().enumerate().map(move |(index, &place)| {
-            // What is in the buffer is used where it can be.
+            // The buffer is reused if possible.
             reader.seek_relative(place as i64 - at as i64).map_err(failed)?;
             limited_file::read_line(&mut reader, &mut line).map_err(failed)?;
             at = place + line.len() as u64;
@@ -246,14 +248,14 @@ impl Journal {
         }))
     }
 
-    /// Removes the file: its rows are elsewhere.
+    /// Removes the file after its rows were written elsewhere.
     pub(super) fn remove(self) -> Result<()> {
         std::fs::remove_file(&self.path).map_err(|error| Error::io(&self.path, error))
     }
 }
 
-/// The first line of a journal, its end included, or what there is of it in one that was cut short
-/// within; `None` for what is no journal.
+/// Reads the first line of a journal, including its end, or its available part if the file was cut
+/// within that line; `None` for a file that is no journal.
 fn first_line(file: &File, reader: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
     const START: &[u8] = b"{\"cfreg\":";
     let mut line = Vec::new();
@@ -278,7 +280,7 @@ const CHECKSUM_DIGITS: usize = 16;
 const NOT_A_JOURNAL: &str =
     "is there and no journal of this program: move or remove it, or name another output";
 
-/// What a journal was begun with otherwise than `now`, if anything.
+/// Returns the difference between the inputs of a journal and `now`, if any.
 pub(super) fn header_difference(begun: &Value, now: &Value) -> Option<String> {
     if begun.get("cfreg").is_none() {
         return Some(NOT_A_JOURNAL.into());
@@ -290,7 +292,7 @@ pub(super) fn header_difference(begun: &Value, now: &Value) -> Option<String> {
     ))
 }
 
-/// The first setting that differs, by its name, and both values.
+/// Returns the name of the first setting that differs, and both values.
 fn differing_setting<'a>(
     begun: &'a Value,
     now: &'a Value,
@@ -336,7 +338,7 @@ mod tests {
             journal.rows().unwrap().collect::<Result<_>>().unwrap()
         };
         assert_eq!(rows(&journal), [0, 1, 2, 3].map(row));
-        // Not while another is at it.
+        // Not while another process uses it.
         assert!(Journal::open(&path, &header, &list(), true).is_err());
         drop(journal);
         let whole = std::fs::read(&path).unwrap();
@@ -397,7 +399,7 @@ mod tests {
             (journal.done_count(), journal.damaged_count(), journal.missing_indices())
         };
         assert_eq!(reopened(&whole, &header, &list), (4, 0, vec![]));
-        // A digit, a name, a blank, a checksum; what follows is taken over.
+        // A digit, a name, a blank, a checksum; later rows are kept.
         for (was, is) in [
             ("\"trusted\":null", "\"trusted\":true"),
             ("\"source\":\"a\"", "\"source\":\"b\""),
@@ -413,7 +415,7 @@ mod tests {
             let (done, damaged, missing) = reopened(&text, &header, &list);
             assert!(damaged == 1 && done + missing.len() == 4 && done >= 3, "{was} {done}");
         }
-        // Every single byte, whatever is put in its place.
+        // Every single byte, with any replacement.
         let first = whole.find('\n').unwrap() + 1;
         let second = first + whole[first..].find('\n').unwrap() + 1;
         for at in first..second - 1 {

@@ -8,17 +8,17 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::io::limited_file::GROWTH_FACTOR;
 
-/// Pairs of files, in order; a name that comes in many pairs is kept once.
+/// Pairs of files, in order; a name of many pairs is stored once.
 #[derive(Debug, Clone, Default)]
 pub struct PairList {
-    /// The file that it was read from.
+    /// The file that the list was read from.
     file: Option<PathBuf>,
     folder: PathBuf,
     names: Vec<String>,
     pairs: Vec<[u32; 2]>,
 }
 
-/// Lists are the same that have the same pairs of the same folder, wherever they are from.
+/// Lists are equal if they have the same pairs of the same folder, independent of their file.
 impl PartialEq for PairList {
     fn eq(&self, other: &PairList) -> bool {
         self.folder == other.folder && self.names == other.names && self.pairs == other.pairs
@@ -26,7 +26,7 @@ impl PartialEq for PairList {
 }
 
 impl PairList {
-    /// Pairs of source and target, files relative to `folder`.
+    /// Creates a list of pairs of source and target, files relative to `folder`.
     pub fn new<S: AsRef<str>>(
         folder: impl Into<PathBuf>,
         pairs: impl IntoIterator<Item = [S; 2]>,
@@ -36,8 +36,8 @@ impl PairList {
         PairList { folder: folder.into(), ..builder.list }
     }
 
-    /// Reads a list: CSV, or Parquet where the name ends in `.parquet`, with the columns
-    /// `source` and `target`; others are not looked at. Files are relative to `folder`.
+    /// Reads a list: CSV, or Parquet if the name ends in `.parquet`, with the columns `source` and
+    /// `target`; other columns are ignored. Files are relative to `folder`.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] without these columns, without a pair, and for a row in
@@ -59,13 +59,13 @@ impl PairList {
         Ok(PairList { file: Some(path.into()), folder: folder.into(), ..builder.list })
     }
 
-    /// Writes the list as CSV; a file that was there is replaced.
+    /// Writes the list as CSV; an existing file is replaced.
     ///
     /// # Errors
     /// [`Error::Io`].
     pub fn write(&self, path: &Path) -> Result<()> {
         let failed = |error: csv::Error| csv_error(path, error);
-        // A name may begin as a comment does.
+        // A name may begin like a comment.
         let mut table = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(Vec::new());
         table.write_record(COLUMNS).map_err(failed)?;
         for index in 0..self.len() {
@@ -75,17 +75,17 @@ impl PairList {
         io::write_bytes(path, &content)
     }
 
-    /// Number of pairs.
+    /// Returns the number of pairs.
     pub fn len(&self) -> usize {
         self.pairs.len()
     }
 
-    /// Whether there is no pair.
+    /// Returns whether there is no pair.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// Source and target of a pair, as in the list.
+    /// Returns source and target of a pair, as in the list.
     ///
     /// # Panics
     /// When there is no pair `index`.
@@ -93,22 +93,22 @@ impl PairList {
         self.pairs[index].map(|name| self.names[name as usize].as_str())
     }
 
-    /// What names are relative to.
+    /// Returns the folder that names are relative to.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The file that it was read from, if it was.
+    /// Returns the file that the list was read from, if any.
     pub(super) fn file(&self) -> Option<&Path> {
         self.file.as_deref()
     }
 
-    /// The files of all clouds, each once.
+    /// Iterates over the files of all clouds, each once.
     pub(super) fn files(&self) -> impl Iterator<Item = PathBuf> {
         self.names.iter().map(|name| self.folder.join(name))
     }
 
-    /// A number that differs between lists of different pairs.
+    /// Returns a hash of the pairs.
     pub(super) fn hash(&self) -> u64 {
         let mut hash = Fnv1a::default();
         (0..self.len()).flat_map(|index| self.pair(index)).for_each(|name| hash.add_text(name));
@@ -116,7 +116,7 @@ impl PairList {
     }
 }
 
-/// A list that grows.
+/// A list under construction.
 #[derive(Default)]
 struct PairListBuilder {
     list: PairList,
@@ -124,7 +124,7 @@ struct PairListBuilder {
 }
 
 impl PairListBuilder {
-    /// Adds a pair, and gives the bytes of memory that it takes.
+    /// Adds a pair, and returns the bytes of memory that it takes.
     fn add(&mut self, pair: [&str; 2]) -> usize {
         let mut bytes = GROWTH_FACTOR * size_of::<[u32; 2]>();
         let pair = pair.map(|name| {
@@ -141,7 +141,7 @@ impl PairListBuilder {
     }
 }
 
-/// What is wrong with a table in CSV, and where.
+/// Converts an error of a CSV table, with its line.
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
     let line = error.position().map(|at| at.line() as usize);
     match error.into_kind() {

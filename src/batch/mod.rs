@@ -1,11 +1,11 @@
-//! Registration in bulk: a list of pairs, a row of results for each.
+//! Batch registration: a list of pairs, one row of results for each.
 //!
-//! Pairs run beside each other, each on one thread; each cloud is read once, what a method makes
-//! of it alone is made once, and both are kept under a budget of memory. Rows go to a journal beside the output (`RESULTS.csv.part`) as they come,
-//! and into the output, in the order of the list, at the end: a run that was cut short at any
-//! moment goes on from its journal, and ends with the same bytes as one that was not. The bytes
-//! do not depend on the number of threads either. What does depend on the machine are pairs that
-//! come near a [time limit](Batch::time_limit).
+//! Pairs run in parallel, each on one thread. Each cloud is read once, and the data that a method
+//! computes from it alone is computed once; both are cached within a memory budget. Rows go to a
+//! journal beside the output (`RESULTS.csv.part`) as they come, and into the output, in the order
+//! of the list, at the end. A run that was interrupted at any moment resumes from its journal and
+//! ends with the same bytes as an uninterrupted one. The bytes are also independent of the number
+//! of threads. Only pairs close to a [time limit](Batch::time_limit) depend on the machine.
 //!
 //! Memory holds the clouds, and for each pair 24 bytes; the names of files once each.
 
@@ -59,25 +59,25 @@ use crate::io;
 use crate::method::{Register, Registration};
 use crate::par::{self, Interrupt};
 
-/// How often time limits and requests to end are looked at.
+/// Interval of the checks of time limits and interrupts. Chosen by hand.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// What to do where an earlier run has left something.
+/// The action for the output or journal of an earlier run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StartMode {
     /// Refuse to begin.
     #[default]
     Fresh,
-    /// Go on from its journal; begin where there is none, and do nothing where there is an
-    /// output without a journal, which is complete. An output of another list or of other
-    /// settings is refused: Parquet has within what it was made with, CSV and JSON Lines in a file
-    /// beside them (`RESULTS.csv.run.json`), without which they are refused too.
+    /// Resume from its journal. Begin if there is no journal and no output; do nothing if there is
+    /// an output without a journal, which is complete. An output of another list or of other
+    /// settings is refused: Parquet stores the inputs of its run inside, CSV and JSON Lines in a
+    /// file beside them (`RESULTS.csv.run.json`), without which they are refused too.
     Resume,
-    /// Begin anew. An output that is there is replaced at the end.
+    /// Begin anew. An existing output is replaced at the end.
     Overwrite,
 }
 
-/// How a list of pairs is run.
+/// The settings of a batch run.
 ///
 /// ```
 /// use cfreg::batch::{Batch, PairList};
@@ -96,46 +96,48 @@ pub enum StartMode {
 pub struct Batch<'a> {
     method: &'a dyn Register,
     settings: Value,
-    /// Clouds that are at hand, by the names that the list has for them; others are files.
+    /// Clouds in memory, by their names in the list; all other names are files.
     pub in_memory: HashMap<String, Arc<PointCloud>>,
-    /// What is known of where sensors stood; by default what the clouds say.
+    /// Source of the sensor viewpoints; by default the clouds.
     pub viewpoints: ViewpointSource,
     /// Whether rows of files that mark measurements without a return are kept
-    /// ([`crate::filter::find_no_returns`]); by default they are left out.
+    /// ([`crate::filter::find_no_returns`]); by default they are removed.
     pub keep_no_returns: bool,
-    /// How clouds are thinned; not at all by default.
+    /// How clouds are downsampled; not at all by default.
     pub thinning: Downsampling,
-    /// Pairs that run beside each other, 0 (the default) for as many as there are cores.
+    /// Pairs that run in parallel, 0 (the default) for the number of cores.
     pub threads: usize,
-    /// Bytes of clouds, and of what was made of them alone, that are kept for later pairs, beside
-    /// those in use; default 1 GiB. More helps where pairs of a cloud are far apart in the list.
+    /// Bytes of clouds, and of data computed from them alone, that are cached for later pairs, in
+    /// addition to those in use; default 1 GiB. More helps if pairs of a cloud are far apart in the
+    /// list.
     pub memory: usize,
-    /// Time after which a pair is given up, the reading of its clouds counted; its row has an
-    /// `error`. None by default. Near the limit it depends on the machine which pairs that are.
+    /// Time after which a pair is given up, including the reading of its clouds; its row has an
+    /// `error`. None by default. Near the limit the set of these pairs depends on the machine.
     pub time_limit: Option<Duration>,
-    /// Whether the results have the column `seconds`. Off by default: no two runs agree on it.
+    /// Whether the results have the column `seconds`. Off by default: it differs between any two
+    /// runs.
     pub times: bool,
-    /// What to do where an earlier run has left something.
+    /// The action for the output or journal of an earlier run.
     pub start: StartMode,
-    /// Ends the run when it is requested, with [`Error::Interrupted`]; the journal is kept. So
-    /// does the interrupt under which the caller works.
+    /// Ends the run when it is requested, with [`Error::Interrupted`]; the journal is kept. The
+    /// interrupt of the caller has the same effect.
     pub interrupt: Interrupt,
 }
 
-/// What came of a list.
+/// The result of a batch run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Summary {
     /// Pairs of the list.
     pub pairs: usize,
-    /// Those that this run took over from an earlier one; all, if there was nothing left to do.
+    /// Pairs that this run kept from an earlier one; all, if there was nothing left to do.
     pub resumed: usize,
-    /// Lines of the journal that were changed since they were written, or are of other pairs than
-    /// the list has; their pairs were done again.
+    /// Lines of the journal that were modified, or are of pairs that the list does not have; their
+    /// pairs were done again.
     pub damaged: usize,
     /// Pairs whose pose may be used ([`Row::is_usable`]).
     pub trusted: usize,
-    /// Pairs without an answer.
+    /// Pairs without a pose.
     pub errors: usize,
 }
 
@@ -147,7 +149,7 @@ impl Summary {
 }
 
 impl<'a> Batch<'a> {
-    /// By this method; `settings` is what it was made of, which a resumed run compares.
+    /// Creates a run of this method; `settings` are its settings, which a resumed run compares.
     pub fn new(method: &'a dyn Register, settings: &impl Serialize) -> Self {
         Batch {
             method,
@@ -174,14 +176,15 @@ impl<'a> Batch<'a> {
         self.run_with(list, output, |_, _| ())
     }
 
-    /// The same; `progress` is called with the pairs done and all of them.
+    /// Registers every pair as [`run`](Self::run); `progress` is called with the numbers of pairs
+    /// done and of all pairs.
     ///
     /// # Errors
-    /// [`Error::Config`] for an output of another kind, for what an earlier run has left
-    /// ([`StartMode`]), for a journal of another list or other settings, for an output that is the list
-    /// or one of its clouds, and for files beside it (`RESULTS.part`, `RESULTS.run.json`) that no run
-    /// has left; [`Error::Io`] of journal
-    /// and output; [`Error::Interrupted`]. A pair that cannot be read or registered is a row.
+    /// [`Error::Config`] for an output of another kind, for the output or journal of an earlier run
+    /// ([`StartMode`]), for a journal of another list or other settings, for an output that is the
+    /// list or one of its clouds, and for files beside it (`RESULTS.part`, `RESULTS.run.json`) that
+    /// no run wrote; [`Error::Io`] of journal and output; [`Error::Interrupted`]. A pair that
+    /// cannot be read or registered is a row.
     pub fn run_with(
         &self,
         list: &PairList,
@@ -214,11 +217,11 @@ impl<'a> Batch<'a> {
         Ok(summary)
     }
 
-    /// Registers every pair of `list`, and keeps the rows, in the order of the list, instead of
-    /// writing them; `progress` is called with the pairs done and all of them.
+    /// Registers every pair of `list`, and returns the rows, in the order of the list, instead of
+    /// writing them; `progress` is called with the numbers of pairs done and of all pairs.
     ///
     /// # Errors
-    /// [`Error::Config`] for settings that will not do; [`Error::Interrupted`].
+    /// [`Error::Config`] for invalid settings; [`Error::Interrupted`].
     pub fn rows(
         &self,
         list: &PairList,
@@ -238,13 +241,13 @@ impl<'a> Batch<'a> {
         Ok(rows)
     }
 
-    /// Refuses what would make an error of every row.
+    /// Refuses settings that would make every row an error.
     fn check(&self) -> Result<()> {
         par::check_threads(self.threads)?;
         self.thinning.validate()
     }
 
-    /// Looks at what an earlier run has left: whether that is all there is to do.
+    /// Checks the output and journal of an earlier run; returns whether the output is complete.
     fn is_complete(&self, output: &Path, journal: &Path) -> Result<bool> {
         let refuse = |rule: String| Err(Error::config("output", output.display(), rule));
         if output.exists() && !output.is_file() {
@@ -264,7 +267,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// What rows depend on: a journal with another header is of another run.
+    /// Returns the inputs that rows depend on: a journal with another header is of another run.
     fn header(&self, list: &PairList) -> Value {
         json!({
             "cfreg": env!("CARGO_PKG_VERSION"),
@@ -280,7 +283,7 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// A number that differs between clouds that are given.
+    /// Returns a hash of the clouds in memory.
     fn hash_in_memory(&self) -> u64 {
         let mut names: Vec<&String> = self.in_memory.keys().collect();
         names.sort();
@@ -292,7 +295,7 @@ impl<'a> Batch<'a> {
         hash.value()
     }
 
-    /// Registers these pairs, and gives each row to `give` as it comes, in no fixed order.
+    /// Registers these pairs, and passes each row to `give` as it comes, in no fixed order.
     fn register_pairs(
         &self,
         list: &PairList,
@@ -331,7 +334,7 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// One pair; `None` when all work is to end.
+    /// Registers one pair; `None` when all work is to end.
     fn register_pair(
         &self,
         index: usize,
@@ -374,7 +377,7 @@ impl<'a> Batch<'a> {
         Some(row)
     }
 
-    /// The cloud of that name, thinned for that side of a pair.
+    /// Returns the cloud of that name, downsampled for that side of a pair.
     fn load_cloud(
         &self,
         folder: &Path,

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::io::limited_file;
 use crate::io::outputs::{self, FileIdentity};
 
-/// Kinds of files that results are written to.
+/// File formats of results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ResultsFormat {
     Csv,
@@ -23,7 +23,7 @@ pub(super) enum ResultsFormat {
 }
 
 impl ResultsFormat {
-    /// By the extension of `path`.
+    /// Returns the format by the extension of `path`.
     pub(super) fn from_path(path: &Path) -> Result<ResultsFormat> {
         let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match end.as_str() {
@@ -41,8 +41,8 @@ impl ResultsFormat {
         }
     }
 
-    /// What the run that wrote `path` was asked for: Parquet has it within, beside the others is
-    /// a file. `None` where it has not, or there is none.
+    /// Returns the inputs of the run that wrote `path`: Parquet has them inside, the other formats
+    /// in a file beside them. `None` if they are missing.
     pub(super) fn read_run_header(self, path: &Path) -> Result<Option<Value>> {
         match self {
             #[cfg(feature = "parquet")]
@@ -65,9 +65,9 @@ impl ResultsFormat {
         }
     }
 
-    /// Writes rows to `path`, with what they were asked for within or beside. Files have another
-    /// name until all of them is on the disk: they are there whole or not at all, and what was
-    /// asked for is there before the rows.
+    /// Writes rows to `path`, with the inputs of the run inside or beside. Files have a temporary
+    /// name until they are completely on the disk, so that no file is partial; the inputs are
+    /// written before the rows.
     pub(super) fn write(
         self,
         path: &Path,
@@ -91,8 +91,8 @@ impl ResultsFormat {
     }
 }
 
-/// Refuses an output that would take the place of something else: a file that is not of an
-/// earlier run where this one writes beside the output, the list, or one of its clouds.
+/// Refuses an output that would replace another file: a file beside the output that no earlier run
+/// wrote, the list, or one of its clouds.
 pub(super) fn check(output: &Path, format: ResultsFormat, list: &PairList) -> Result<()> {
     let refuse = |path: &Path, rule: &str| Err(Error::config("output", path.display(), rule));
     let journal = Journal::path_for(output);
@@ -108,7 +108,7 @@ pub(super) fn check(output: &Path, format: ResultsFormat, list: &PairList) -> Re
         }
         written.push(run);
     }
-    // A file that is not there is no input.
+    // A missing file is no input.
     written.retain(|path| path.is_file());
     let taken: Vec<(Option<FileIdentity>, PathBuf)> =
         written.into_iter().map(|path| (FileIdentity::from_path(&path), path)).collect();
@@ -127,13 +127,13 @@ pub(super) fn check(output: &Path, format: ResultsFormat, list: &PairList) -> Re
     Ok(())
 }
 
-/// Has `path` written by `write`, under a name that nobody has until it is on the disk.
+/// Writes `path` by `write`, under an unused temporary name until it is on the disk.
 fn write_atomically(
     path: &Path,
     write: impl FnOnce(&File, &dyn Fn(io::Error) -> Error) -> Result<()>,
 ) -> Result<()> {
     let failed = |error| Error::io(path, error);
-    // Through a link, so that the link stays one.
+    // Resolves a link, so that the link remains.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let beside = outputs::create_temporary(&target).map_err(failed)?;
     write(beside.as_file(), &failed)?;
@@ -143,7 +143,7 @@ fn write_atomically(
     Ok(())
 }
 
-/// Has the new name on the disk too, on systems whose folders can be asked for that.
+/// Flushes the new name to disk too, on systems that support this for folders.
 fn sync_folder(path: &Path) {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {

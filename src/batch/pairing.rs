@@ -1,13 +1,12 @@
-//! How pairs arise: from scans in a row, and from scans that stood near each other.
+//! Generation of pairs: from consecutive scans, and from scans at nearby positions.
 //!
-//! Pairs are of source and target, by the numbers of scans. The later scan is the source: its
-//! pose is that in the frame of the earlier one.
+//! Pairs are of source and target, by the numbers of scans. The later scan is the source: its pose
+//! is relative to the frame of the earlier one.
 
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
-/// Each of `count` scans with those that many before it: steps of 1 are consecutive scans, 2
-/// leaves one out between.
+/// Pairs each of `count` scans with earlier ones: a step of 1 is the previous scan, 2 skips one.
 ///
 /// # Errors
 /// [`Error::Config`] for a step of 0.
@@ -28,14 +27,14 @@ pub fn sequential_pairs(count: usize, steps: &[usize]) -> Result<Vec<[usize; 2]>
     Ok((0..count).flat_map(before).collect())
 }
 
-/// Most pairs that a list is made of. Chosen by hand: at a hundred a second they take a week.
+/// Most pairs in a list. Chosen by hand: at a hundred a second they take a week.
 const MAX_PAIRS: usize = 60_000_000;
 
-/// All pairs of scans that stood at most `radius` from each other, in the unit of `places`.
+/// Returns all pairs of scans at most `radius` apart, in the unit of `places`.
 ///
 /// # Errors
 /// [`Error::Config`] when the radius is negative or not a number, or so large that it makes more
-/// than 60 million pairs, [`Error::NonFinite`] for a place that is not finite.
+/// than 60 million pairs, [`Error::NonFinite`] for a position that is not finite.
 ///
 /// ```
 /// let places = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [3.0, 4.0, 0.0]];
@@ -49,7 +48,7 @@ pub fn radius_pairs(places: &[Vec3], radius: f64) -> Result<Vec<[usize; 2]>> {
     if let Some(index) = places.iter().position(|place| place.iter().any(|x| !x.is_finite())) {
         return Err(Error::NonFinite { what: "the places of scans".into(), index });
     }
-    // Those near each other are near along x.
+    // Positions near each other are also near along x.
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|&a, &b| places[a][0].total_cmp(&places[b][0]));
     let mut pairs = Vec::new();

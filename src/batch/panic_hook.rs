@@ -1,4 +1,4 @@
-//! Panics within a pair: bugs, which cost that pair its answer and nothing else.
+//! Panics within a pair: bugs, which fail that pair and nothing else.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -9,26 +9,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::par;
 
 thread_local! {
-    /// Where the last panic of this thread was.
+    /// Location of the last panic of this thread.
     static PANIC_LOCATION: RefCell<Option<String>> = const { RefCell::new(None) };
-    /// Whether panics of this thread are told by an error, and not printed.
+    /// Whether panics of this thread become an error and are not printed.
     static IS_SILENT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Has the row of a pair in which a panic happens say where, and nothing printed. It is the hook
-/// of the whole process that is changed, once; panics elsewhere are printed as before.
+/// Installs a process-wide panic hook, once, that records the location of a panic within a pair in
+/// its row and prints nothing. Panics elsewhere are printed as before.
 pub fn install_panic_hook() {
     RECORD_IN_ROWS.store(true, Ordering::Relaxed);
     install_once();
 }
 
-/// Whether panics of pairs are told by their rows.
+/// Whether panics of pairs are recorded in their rows.
 static RECORD_IN_ROWS: AtomicBool = AtomicBool::new(false);
 
-/// Puts a hook before that of the process, once. It keeps to threads that say so.
+/// Installs a hook before that of the process, once. It acts only on threads that request it.
 fn install_once() {
     static ONCE: Once = Once::new();
-    // No hook can be set by a thread that panics.
+    // A thread that panics cannot set a hook.
     if std::thread::panicking() {
         return;
     }
@@ -46,7 +46,7 @@ fn install_once() {
     });
 }
 
-/// What `work` gives, or that it panicked, of which nothing is printed.
+/// Returns the result of `work`, or an error if it panicked; nothing is printed.
 pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, ()> {
     install_once();
     let before = IS_SILENT.replace(true);
@@ -55,7 +55,7 @@ pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, ()> {
     found.map_err(drop)
 }
 
-/// What a panic of this thread said.
+/// Returns the message of a panic of this thread.
 pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");

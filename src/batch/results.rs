@@ -1,4 +1,4 @@
-//! Results that were written, read again.
+//! Reading of written results.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -20,9 +20,9 @@ use crate::io::limited_file::{self, LimitedFile};
 /// clusters write them: then in the order of their index.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Parse`] for what are no such rows, with the line or row and the column,
-/// for a file whose rows take more memory than ten times its size and 256 MiB,
-/// and for a folder in which a pair has two rows; [`Error::Config`] for another extension.
+/// [`Error::Io`]; [`Error::Parse`] for invalid rows, with the line or row and the column, for a
+/// file whose rows take more memory than ten times its size and 256 MiB, and for a folder in which
+/// a pair has two rows; [`Error::Config`] for another extension.
 pub fn read(path: &Path) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     if !path.is_dir() {
@@ -68,7 +68,7 @@ pub fn parse(json_lines: &str) -> Result<Vec<Row>> {
     json_lines.lines().zip(1..).map(row).collect()
 }
 
-/// Gives each row of a file to `take`, in the order of the file.
+/// Passes each row of a file to `take`, in the order of the file.
 ///
 /// # Errors
 /// Those of [`read`], and the first of `take`.
@@ -114,7 +114,7 @@ fn json_row(line: &[u8]) -> std::result::Result<Row, String> {
     Row::read(|name| cells.get(name).cloned())
 }
 
-/// The cells of a row that are columns; others are passed over.
+/// The cells of a row that are columns; all others are ignored.
 struct RowCells(HashMap<String, Value>);
 
 /// Names of the columns.
@@ -147,7 +147,7 @@ impl<'de> Deserialize<'de> for RowCells {
     }
 }
 
-/// The value of a cell: neither a list nor an object.
+/// The value of a cell, neither a list nor an object.
 struct Scalar(Value);
 
 impl<'de> Deserialize<'de> for Scalar {

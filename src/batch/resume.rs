@@ -1,4 +1,4 @@
-//! An output that is there already: whether it is that of this run.
+//! Check whether an existing output belongs to this run.
 
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use super::run_file::{RUN_HEADER_SUFFIX, with_suffix};
 use super::{PairList, Summary, results};
 use crate::error::{Error, Result};
 
-/// What is in an output that has all rows.
+/// Summarises an output that has all rows.
 ///
 /// # Errors
-/// [`Error::Config`] when it is of another list or of other settings, or when nothing tells which
-/// those were; those of reading it.
+/// [`Error::Config`] when it is of another list or of other settings, or when these are unknown;
+/// errors of reading it.
 pub(super) fn summarize_complete(
     output: &Path,
     format: ResultsFormat,

@@ -1,4 +1,4 @@
-//! What is told of a pair.
+//! The results of a pair.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -10,8 +10,8 @@ use crate::math::cholesky::Mat6;
 use crate::method::Registration;
 use crate::verify::{self, Decision};
 
-/// One pair: its pose, and how far to trust it. What a method does not tell is `None`, an empty
-/// cell in CSV and null in JSON Lines and Parquet; a pair without an answer has `index`,
+/// The pose of one pair and its reliability. Values that a method does not report are `None`, an
+/// empty cell in CSV and null in JSON Lines and Parquet; a pair without a pose has `index`,
 /// `source`, `target` and `error` alone.
 ///
 /// Columns have the names of the fields, but for `pose`, which is `t00` to `t33`, row by row,
@@ -22,61 +22,63 @@ use crate::verify::{self, Decision};
 pub struct Row {
     /// Number of the pair in the list, from 0.
     pub index: usize,
-    /// File of the cloud that is moved, as in the list.
+    /// File of the source cloud, as in the list.
     pub source: String,
-    /// File of the cloud that stays.
+    /// File of the target cloud, which is fixed.
     pub target: String,
-    /// Why there is no answer; `None` with one.
+    /// Why there is no pose; `None` with one.
     pub error: Option<String>,
-    /// Whether there is no ground for doubt.
+    /// Whether there are no warnings.
     pub trusted: Option<bool>,
-    /// Grounds for doubt, in words, `; ` between them.
+    /// Warnings, in words, `; ` between them.
     pub doubts: Option<String>,
     /// `accept`, `ambiguous`, `uncertain` or `reject`, of methods that have a verdict.
     pub decision: Option<String>,
-    /// Probability that the pose is right, in [0, 1].
+    /// Probability that the pose is correct, in [0, 1].
     pub probability: Option<f64>,
-    /// Share of a surface that lies on the other and faces alike, in [0, 1].
+    /// Overlap: share of a surface that coincides with the other and has similar normals, in [0,
+    /// 1].
     pub overlap: Option<f64>,
-    /// What speaks for and against the pose, in words, `; ` between them.
+    /// Evidence for and against the pose, in words, `; ` between the reasons.
     pub reasons: Option<String>,
-    /// `T_target_source`, 4×4, row by row, a scale included.
+    /// `T_target_source`, 4×4, row by row, including the scale.
     pub pose: Option<[f64; 16]>,
-    /// The scale in it; 1 unless it was estimated.
+    /// The scale of the pose; 1 unless it was estimated.
     pub scale: Option<f64>,
-    /// Covariance of the pose, upper triangle row by row: rotation vector (radians), then shift
-    /// (the target's unit), of a motion about `center` after the pose
+    /// Covariance of the pose, upper triangle row by row: rotation vector (radians), then
+    /// translation (the target's unit), of a motion about `center` after the pose
     /// ([`PoseCovariance`](verify::PoseCovariance)).
     pub covariance: Option<[f64; 21]>,
-    /// Its inverse, as an edge of a graph of poses weighs it: 0 along motions that nothing holds.
+    /// Inverse of the covariance, as the weight of a pose graph edge: 0 along unobservable motions.
     pub information: Option<[f64; 21]>,
-    /// What turns of both are about, in the target's frame.
+    /// Center of rotation of both, in the target's frame.
     pub center: Option<[f64; 3]>,
-    /// Motions, of six, that nothing holds.
+    /// Number of unobservable degrees of freedom, of six.
     pub undetermined: Option<usize>,
     /// Share of the source points with a target point within `max_distance`, in [0, 1].
     pub fitness: Option<f64>,
-    /// Share of the target points with a moved source point within it.
+    /// Share of the target points with a transformed source point within `max_distance`.
     pub target_fitness: Option<f64>,
     /// Root mean square distance of the source points counted in `fitness`, in the target's unit.
     pub inlier_rmse: Option<f64>,
-    /// Largest distance that counts.
+    /// Largest distance of an inlier.
     pub max_distance: Option<f64>,
-    /// Fitness beyond what a wrong rotation gets by chance, at most 1.
+    /// Chance-corrected fitness: fitness beyond that of a wrong rotation, at most 1.
     pub agreement: Option<f64>,
-    /// Points of the source handed to the method, after thinning.
+    /// Points of the source passed to the method, after downsampling.
     pub source_points: Option<usize>,
-    /// Points of the target.
+    /// Points of the target, after downsampling.
     pub target_points: Option<usize>,
-    /// How often weights were made and solved.
+    /// Number of iterations: weights computed and solved.
     pub iterations: Option<usize>,
-    /// Seconds of the registration, its clouds read before. A column only where it is asked for:
-    /// no two runs agree on it.
+    /// Seconds of the registration, without reading its clouds. A column only on request: it
+    /// differs between any two runs.
     pub seconds: Option<f64>,
 }
 
 impl Row {
-    /// All columns of rows with their names, in order; `times` says whether `seconds` is one.
+    /// Returns all columns of rows with their names, in order; `times` says whether to include
+    /// `seconds`.
     pub fn columns(rows: &[Row], times: bool) -> Vec<(String, Column)> {
         let empty = |(name, cell): (String, CellValue)| {
             let column = match cell {
@@ -97,12 +99,12 @@ impl Row {
         columns
     }
 
-    /// A pair about which nothing is known yet.
+    /// Creates the row of a pair without results.
     pub(super) fn new(index: usize, [source, target]: [&str; 2]) -> Row {
         Row { index, source: source.into(), target: target.into(), ..Row::default() }
     }
 
-    /// Takes over what was found.
+    /// Copies the results of a registration.
     pub(super) fn set_registration(&mut self, found: &Registration) {
         let Registration { transform, evaluation, points, .. } = found;
         let doubts: Vec<String> = found.doubts.iter().map(ToString::to_string).collect();
@@ -132,15 +134,15 @@ impl Row {
         self.iterations = Some(found.iterations as usize);
     }
 
-    /// The pose; `None` where there is none, or where those numbers are none.
+    /// Returns the pose; `None` if there is none, or if the numbers are no valid pose.
     pub fn transform(&self) -> Option<Transform> {
         let pose = self.pose?;
         let rows = std::array::from_fn(|i| std::array::from_fn(|j| pose[4 * i + j]));
         Transform::from_matrix(rows).ok()
     }
 
-    /// Whether the pose may be used: nothing speaks against it, a verdict accepts it where there is
-    /// one, and it is finite and proper ([`is_usable`](crate::verify::is_usable)).
+    /// Returns whether the pose may be used: it has no warnings, a verdict, if present, accepts it,
+    /// and it is finite and proper ([`is_usable`](crate::verify::is_usable)).
     pub fn is_usable(&self) -> bool {
         let decision = self.decision.as_deref().map(str::parse::<Decision>).transpose();
         match (self.transform(), decision) {
@@ -151,14 +153,14 @@ impl Row {
         }
     }
 
-    /// Bytes of its texts.
+    /// Returns the bytes of its texts.
     pub(super) fn text_bytes(&self) -> usize {
         let Row { source, target, error, doubts, decision, reasons, .. } = self;
         let words = [error, doubts, decision, reasons].into_iter().flatten();
         [source, target].into_iter().chain(words).map(String::len).sum()
     }
 
-    /// Its cells with the names of their columns, in order: the same for every row.
+    /// Returns its cells with the names of their columns, in order: the same for every row.
     pub(super) fn column_values(&self, times: bool) -> Vec<(String, CellValue<'_>)> {
         let count = |count: Option<usize>| CellValue::Count(count.map(|count| count as i64));
         let mut cells: Vec<(String, CellValue)> = [
@@ -209,10 +211,10 @@ impl Row {
 }
 
 impl Row {
-    /// The row whose cells `get` has by the names of their columns, as JSON or as words of CSV.
+    /// Reads a row from its cells; `get` returns the cell of a column name, as JSON or CSV text.
     ///
     /// # Errors
-    /// What is wrong with which column.
+    /// A message with the column and its error.
     pub(super) fn read(get: impl Fn(&str) -> Option<Value>) -> Result<Row, String> {
         let cell = |name: &str| match get(name) {
             None | Some(Value::Null) => None,
@@ -280,7 +282,7 @@ impl Row {
     }
 }
 
-/// All of them, or nothing where one is missing.
+/// Returns all of the numbers, or nothing if one is missing.
 fn all_or_none<const N: usize>(
     get: impl Fn(usize) -> Result<Option<f64>, String>,
 ) -> Result<Option<[f64; N]>, String> {
@@ -292,7 +294,7 @@ fn all_or_none<const N: usize>(
     Ok(Some(all))
 }
 
-/// JSON, in which rows are kept, has neither NaN nor infinity.
+/// Drops NaN and infinity, which JSON, the format of the journal, cannot hold.
 fn finite_or_none(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
 }
@@ -305,13 +307,13 @@ fn matrix_entries(transform: &Transform) -> [f64; 16] {
 
 const CENTER_COLUMNS: [&str; 3] = ["center_x", "center_y", "center_z"];
 
-/// The name of an entry of an upper triangle.
+/// Returns the name of an entry of an upper triangle.
 fn entry_name(name: &str, k: usize) -> String {
     let (i, j) = upper_triangle_indices().nth(k).unwrap_or_default();
     format!("{name}{i}{j}")
 }
 
-/// Rows and columns of the upper triangle of a 6×6 matrix.
+/// Iterates over rows and columns of the upper triangle of a 6×6 matrix.
 pub(super) fn upper_triangle_indices() -> impl Iterator<Item = (usize, usize)> {
     (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
 }
@@ -324,7 +326,7 @@ fn upper_triangle(matrix: &Mat6) -> [f64; 21] {
     triangle
 }
 
-/// The symmetric matrix with that upper triangle.
+/// Returns the symmetric matrix with that upper triangle.
 pub(crate) fn symmetric_from_triangle(triangle: &[f64; 21]) -> Mat6 {
     let mut matrix = [[0.0; 6]; 6];
     for (&value, (i, j)) in triangle.iter().zip(upper_triangle_indices()) {
@@ -334,7 +336,7 @@ pub(crate) fn symmetric_from_triangle(triangle: &[f64; 21]) -> Mat6 {
     matrix
 }
 
-/// The beginning of a value, as messages have it.
+/// Returns the start of a value for messages.
 fn format_value(value: &Value) -> String {
     match value {
         Value::String(text) => io::quote_start(text),
@@ -360,7 +362,7 @@ mod tests {
         row.seconds = Some(0.1);
         let text = serde_json::to_string(&row).unwrap();
         assert_eq!(serde_json::from_str::<Row>(&text).unwrap(), row);
-        // Every row has the same columns of the same kinds.
+        // Every row has the same columns of the same types.
         let columns = |row: &Row| -> Vec<_> {
             let kind = |cell: &CellValue| match cell {
                 CellValue::Text(_) => "text",
@@ -378,7 +380,7 @@ mod tests {
         assert_eq!(row.column_values(false).len() + 1, row.column_values(true).len());
         let flat = serde_json::to_value(FlatRow(&row.column_values(true))).unwrap();
         assert_eq!((&flat["t33"], &flat["center_z"]), (&2.0.into(), &0.3.into()));
-        // And back from what is written.
+        // Round trip from the written cells.
         let read = |cells: &[(String, CellValue)]| {
             let words: HashMap<_, _> =
                 cells.iter().map(|(name, cell)| (name, cell.to_csv())).collect();

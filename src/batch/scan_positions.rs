@@ -1,4 +1,4 @@
-//! Where scans stood, roughly.
+//! Approximate positions of scans.
 
 use std::path::Path;
 
@@ -7,23 +7,23 @@ use crate::io::CsvReader;
 use crate::io::limited_file::GROWTH_FACTOR;
 use crate::math::Vec3;
 
-/// Names of clouds, and where each of them stood.
+/// Names of clouds and the position of each.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ScanPositions {
-    /// As they are written.
+    /// Names as in the file.
     pub names: Vec<String>,
-    /// In any frame and unit, the same of all.
+    /// Positions in any frame and unit, common to all.
     pub positions: Vec<Vec3>,
 }
 
 const COLUMNS: [&str; 4] = ["cloud", "x", "y", "z"];
 
 impl ScanPositions {
-    /// Reads CSV with the columns `cloud`, `x`, `y`, `z`; others are not looked at.
+    /// Reads CSV with the columns `cloud`, `x`, `y`, `z`; other columns are ignored.
     ///
     /// # Errors
-    /// [`Error::Io`](crate::Error::Io); [`Error::Parse`](crate::Error::Parse) without these columns, without a cloud in a line, and for
-    /// what is no finite number.
+    /// [`Error::Io`](crate::Error::Io); [`Error::Parse`](crate::Error::Parse) without these
+    /// columns, for a line without a cloud, and for a coordinate that is not a finite number.
     pub fn read(path: &Path) -> Result<ScanPositions> {
         let mut sheet = CsvReader::open(path)?;
         let mut columns = [0; 4];

@@ -1,4 +1,5 @@
-//! What `consensus` weighed before each answer, as a table: the data its verdict is fitted on.
+//! The poses that `consensus` evaluates before each result, as a table: the training data of its
+//! verdict model.
 
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::outputs;
 use crate::method::Consensus;
 
-/// One judged pose of one pair.
+/// One verified pose of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CandidateRow {
     /// The pair's set.
@@ -18,29 +19,29 @@ pub struct CandidateRow {
     pub source: String,
     /// File of the target.
     pub target: String,
-    /// Share of a surface that lies on the other and faces alike.
+    /// Overlap: share of a surface that coincides with the other and has similar normals.
     pub overlap: f64,
-    /// How much more alike than chance the surfaces look there, nats a point.
+    /// Descriptor similarity of the overlapping surfaces beyond chance, nats a point.
     pub likeness: f64,
-    /// Matches that agree.
+    /// Inlier score of the correspondences.
     pub support: f64,
-    /// Share of the points that stand where the other's sensor looked through; empty where no
-    /// sensor's place is known.
+    /// Share of the points in space that the other sensor saw to be empty; empty without a known
+    /// viewpoint.
     pub contradicted: Option<f64>,
-    /// Settled poses that are this one; of answers alone.
+    /// Refined hypotheses that converged to this pose; for final poses alone.
     pub votes: Option<usize>,
-    /// Standard deviation of the shift, in lengths that clouds are thinned to, from 0.02 to 10;
-    /// of answers alone.
+    /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
+    /// to 10; for final poses alone.
     pub spread: Option<f64>,
-    /// Whether the pose is right; false for clouds with nothing in common.
+    /// Whether the pose is correct; false for unrelated clouds.
     pub right: bool,
-    /// Whether it is the answer, the last row of its pair.
+    /// Whether it is the final pose, the last row of its pair.
     pub answer: bool,
 }
 
-/// Writes to `output` every pose that [`Consensus`] settles for each of `pairs`, moved as
-/// [`run`](super::run) moves them, and gives their number. `progress` is called with the pairs
-/// done and all of them. A pair without an answer has no rows.
+/// Writes to `output` every pose that [`Consensus`] refines for each of `pairs`, moved as
+/// [`run`](super::run) moves them, and returns their number. `progress` is called with the numbers
+/// of pairs done and of all pairs. A pair without a pose has no rows.
 ///
 /// # Errors
 /// Those of reading clouds, and [`Error::Io`] of `output`.

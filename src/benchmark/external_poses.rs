@@ -1,4 +1,4 @@
-//! Poses that other programs found, judged by the same rules.
+//! Poses from other programs, evaluated by the same rules.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::io::quote_start;
 /// Most programs that are compared at once. Chosen by hand.
 const MAX_PROGRAMS: usize = 1000;
 
-/// What another program found.
+/// The result of another program.
 struct ExternalPose {
     method: String,
     pose: Option<Transform>,
@@ -21,12 +21,12 @@ struct ExternalPose {
     accepted: bool,
 }
 
-/// Poses that other programs found.
+/// Poses from other programs.
 #[derive(Default)]
 pub struct ExternalPoses {
-    /// By source and target.
+    /// Results by source and target.
     found: HashMap<[PathBuf; 2], Vec<ExternalPose>>,
-    /// Names of the programs, as they come.
+    /// Names of the programs, in order of appearance.
     methods: Vec<String>,
 }
 
@@ -35,12 +35,12 @@ impl ExternalPoses {
     ///
     /// CSV with the columns `method`, `source`, `target` (as in the list, relative to `folder`),
     /// `t00` to `t33` (source into target frame, of the clouds as they are in the files; empty
-    /// where there is no answer) and, if there is one, `seconds` and `accepted` (`true` or
-    /// `false`: whether the program takes its own answer; else it does).
+    /// without a pose) and, optionally, `seconds` and `accepted` (`true` or `false`: whether the
+    /// program accepts its own pose; default true).
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parse`] with the line that cannot be understood, or the first one
-    /// whose pair is not listed: it would count nowhere.
+    /// [`Error::Io`]; [`Error::Parse`] with the invalid line, or with the first line whose pair is
+    /// not listed: it would not be counted.
     pub fn read(path: &Path, folder: &Path, listed: &[Pair]) -> Result<ExternalPoses> {
         let listed: HashSet<[&Path; 2]> =
             listed.iter().map(|pair| [pair.source.as_path(), pair.target.as_path()]).collect();
@@ -78,7 +78,7 @@ impl ExternalPoses {
         Err(Error::parse(path, Some(line), what))
     }
 
-    /// Those of `pairs` for which a program has no row, by its name, where there are any.
+    /// Returns for each program with missing rows its name and the number of `pairs` without a row.
     pub fn missing(&self, pairs: &[Pair]) -> Vec<(&str, usize)> {
         let number = |method: &&str| pairs.iter().filter(|pair| !self.has(pair, method)).count();
         let all = self.methods.iter().map(String::as_str);
@@ -93,8 +93,8 @@ impl ExternalPoses {
         self.poses_of_pair(pair).iter().any(|answer| answer.method == method)
     }
 
-    /// A row for each of `pairs` and each pose that was found for it. Not all that are listed need
-    /// be among them. A pair of which a program has no row is one that it failed on.
+    /// Evaluates each pose of each of `pairs`, one row per pose. `pairs` may be a part of the list.
+    /// A pair without a row of a program counts as a failure of that program.
     ///
     /// # Errors
     /// Those of reading clouds.
@@ -161,7 +161,7 @@ mod tests {
             overlap: Some(1.0),
             unit: 1.0,
         };
-        // Listed, and left out of this run.
+        // Listed, and omitted from this run.
         let unjudged = Pair { target: at("c.ply"), ..pair.clone() };
         let titles: Vec<String> = (0..16).map(|k| format!("t{}{}", k / 4, k % 4)).collect();
         let write = |rows: &str| {
@@ -170,7 +170,7 @@ mod tests {
             std::fs::write(at("poses.csv"), text).unwrap();
             let pairs = [pair.clone(), unjudged.clone()];
             let poses = ExternalPoses::read(&at("poses.csv"), folder.path(), &pairs)?;
-            // Whoever has no row of a pair has failed on it.
+            // A program without a row for a pair has failed on it.
             assert_eq!(poses.missing(&pairs[..1]), []);
             let all = poses.evaluate(&pairs, Settings::default())?;
             let failed = |row: &&BenchmarkRow| row.error == "no row among the poses";

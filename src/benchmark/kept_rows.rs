@@ -1,4 +1,4 @@
-//! Rows that are kept in a file, such that a run which was cut short goes on from them.
+//! Rows that are kept in a file, from which an interrupted run resumes.
 
 use std::collections::HashMap;
 use std::fs::{self, OpenOptions};
@@ -10,18 +10,18 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::io::limited_file::{self, LimitedFile};
 
-/// Rows in a file, and those that join them.
+/// Rows in a file, and rows added in this run.
 #[derive(Default)]
 pub(super) struct KeptRows {
     rows: HashMap<[String; 3], BenchmarkRow>,
     file: Option<(PathBuf, fs::File)>,
-    /// Whether the file has the names of its columns.
+    /// Whether the file has a header.
     has_header: bool,
 }
 
 impl KeptRows {
-    /// Reads the rows of `path` if it is there; a last row that was cut short, or any that is none,
-    /// is dropped. The file is replaced by one of the others, at once.
+    /// Reads the rows of `path` if it exists; an incomplete last row, or any invalid one, is
+    /// dropped. The file is replaced at once by one with the valid rows.
     pub(super) fn open(path: &Path, settings: &Settings) -> Result<KeptRows> {
         let failed = |error| Error::io(path, error);
         let refuse = |rule: &str| Err(Error::config("output", path.display(), rule));
@@ -35,7 +35,7 @@ impl KeptRows {
         let mut text = String::new();
         if there {
             let (mut start, mut line) = (BufReader::new(LimitedFile::open(path)?), Vec::new());
-            // Before all of what may be anything is read.
+            // Before the rest of an unknown file is read.
             let read = limited_file::read_line(&mut start, &mut line);
             if read.is_err() || !(line == first.as_bytes() || first.as_bytes().starts_with(&line)) {
                 return refuse(NOT_THESE_ROWS);
@@ -72,7 +72,7 @@ impl KeptRows {
         self.rows.get(&[path(&pair.source), path(&pair.target), method.into()]).cloned()
     }
 
-    /// Appends a row, the names of the columns before the first.
+    /// Appends a row, and the header before the first.
     pub(super) fn add(&mut self, row: &BenchmarkRow) -> Result<()> {
         let Some((path, file)) = &mut self.file else { return Ok(()) };
         let failed = |error| Error::io(&*path, error);
@@ -83,14 +83,14 @@ impl KeptRows {
     }
 }
 
-/// Rows as CSV, with the names of the columns or without.
+/// Formats rows as CSV, with or without a header.
 fn to_csv(rows: &[BenchmarkRow], titled: bool) -> std::result::Result<Vec<u8>, csv::Error> {
     let mut table = csv::WriterBuilder::new().has_headers(titled).from_writer(Vec::new());
     rows.iter().try_for_each(|row| table.serialize(row))?;
     table.into_inner().map_err(|error| error.into_error().into())
 }
 
-/// Most bytes of such a file. Chosen by hand: four million rows.
+/// Most bytes of the file of rows. Chosen by hand: four million rows.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 
 fn row_key(row: &BenchmarkRow) -> [String; 3] {

@@ -11,33 +11,33 @@ use crate::io::{CsvReader, quote_start};
 /// Two clouds and the pose between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pair {
-    /// Set that it belongs to; pairs of a set are counted together.
+    /// Data set of the pair; pairs of a set are counted together.
     pub dataset: String,
-    /// File of the cloud that is moved.
+    /// File of the source cloud.
     pub source: PathBuf,
-    /// File of the cloud that stays.
+    /// File of the target cloud, which is fixed.
     pub target: PathBuf,
-    /// Source into target frame; `None` for clouds that have nothing in common.
+    /// Source into target frame; `None` for unrelated clouds.
     pub truth: Option<Transform>,
-    /// Share of the source that the target shows too, if it is known.
+    /// Share of the source that the target also covers, if known.
     pub overlap: Option<f64>,
     /// The clouds' unit in metres.
     pub unit: f64,
 }
 
 impl Pair {
-    /// Bytes of memory that it takes in a list.
+    /// Returns the bytes of memory of a pair in a list.
     fn bytes(&self) -> usize {
         let texts = [self.source.as_os_str().len(), self.target.as_os_str().len()];
         limited_file::GROWTH_FACTOR * size_of::<Pair>() + self.dataset.len() + texts[0] + texts[1]
     }
 }
 
-/// A table of pairs with poses, read by the names of its columns.
+/// A table of pairs with poses, with columns found by name.
 pub(super) struct PairTable(CsvReader);
 
 impl PairTable {
-    /// Opens it before its first row.
+    /// Opens a table before its first row.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] without the columns `source`, `target`, `t00` to `t33`.
@@ -50,7 +50,7 @@ impl PairTable {
         Ok(PairTable(sheet))
     }
 
-    /// Goes on to the next row; `false` where there is none.
+    /// Reads the next row; `false` at the end.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`].
@@ -58,20 +58,20 @@ impl PairTable {
         self.0.next()
     }
 
-    /// Counts memory that is taken for the current row.
+    /// Counts memory taken for the current row.
     ///
     /// # Errors
-    /// [`Error::Parse`] where the table takes more than its size allows.
+    /// [`Error::Parse`] if the table takes more than its size allows.
     pub(super) fn take(&mut self, bytes: usize) -> Result<()> {
         self.0.reserve_memory(bytes)
     }
 
-    /// What stands under `name`; empty where nothing does.
+    /// Returns the text in the column `name`; empty if there is none.
     pub(super) fn text(&self, name: &str) -> &str {
         self.0.find(name).unwrap_or("")
     }
 
-    /// The number under `name`, if there is one.
+    /// Returns the number in the column `name`, if there is one.
     pub(super) fn number(&self, name: &str) -> Result<Option<f64>> {
         match self.text(name) {
             "" => Ok(None),
@@ -82,7 +82,7 @@ impl PairTable {
         }
     }
 
-    /// The pose, if there is one.
+    /// Returns the pose, if there is one.
     pub(super) fn pose(&self) -> Result<Option<Transform>> {
         if (0..16).all(|k| self.text(&entry_name(k)).is_empty()) {
             return Ok(None);
@@ -95,18 +95,18 @@ impl PairTable {
         Transform::from_matrix(matrix).map(Some).map_err(|error| self.wrong(error.to_string()))
     }
 
-    /// An error in this row.
+    /// Creates an error in this row.
     pub(super) fn wrong(&self, what: String) -> Error {
         self.0.parse_error(what)
     }
 
-    /// The line of the current row.
+    /// Returns the line of the current row.
     pub(super) fn line(&self) -> usize {
         self.0.line()
     }
 }
 
-/// Name of the k-th entry of a pose, row by row.
+/// Returns the name of the k-th entry of a pose, row by row.
 fn entry_name(k: usize) -> String {
     format!("t{}{}", k / 4, k % 4)
 }
@@ -114,16 +114,15 @@ fn entry_name(k: usize) -> String {
 /// Reads a list.
 ///
 /// CSV needs a header with `source`, `target` (files, relative to `folder`) and `t00` to `t33`
-/// (T_target_source, row by row); `dataset`, `overlap` (a share) and `units` (`m`, `cm` or
-/// `mm`) are read where they are there. A row whose pose is empty, or whose overlap is 0, is a
-/// pair without a right answer.
+/// (T_target_source, row by row); `dataset`, `overlap` (a share) and `units` (`m`, `cm` or `mm`)
+/// are optional. A row whose pose is empty, or whose overlap is 0, is a pair of unrelated clouds.
 ///
-/// A file whose name ends in `.log` is taken for 3DMatch's: for each pair a line with the
-/// numbers of target and source and four of the pose; the clouds are `cloud_bin_N.ply` beside
-/// it, or in the folder of the same name without `-evaluation`, as the full data sets come.
+/// A file whose name ends in `.log` is read as 3DMatch's: for each pair a line with the numbers of
+/// target and source and four of the pose; the clouds are `cloud_bin_N.ply` beside it, or in the
+/// folder of the same name without `-evaluation`, as in the full data sets.
 ///
 /// # Errors
-/// [`Error::Io`], and [`Error::Parse`] with the line that cannot be understood.
+/// [`Error::Io`], and [`Error::Parse`] with the invalid line.
 pub fn read(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     let pairs = match path.extension().is_some_and(|end| end == "log") {
         true => read_log(path, BufReader::new(LimitedFile::open(path)?))?,
@@ -168,7 +167,7 @@ fn read_csv(path: &Path, folder: &Path) -> Result<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// The next line of numbers of a log, with its number; blank ones are passed over.
+/// Reads the next line of numbers of a log, with its line number; blank lines are skipped.
 fn read_numbers(
     path: &Path,
     reader: &mut impl BufRead,
@@ -233,7 +232,7 @@ fn read_log(path: &Path, mut reader: impl BufRead) -> Result<Vec<Pair>> {
     Ok(pairs)
 }
 
-/// What a folder is called, also where its path ends in dots, or is empty.
+/// Returns the name of a folder, also if its path ends in dots, or is empty.
 fn dataset_name(folder: &Path) -> Result<String> {
     let whole = match folder.file_name() {
         Some(_) => folder.to_path_buf(),
@@ -242,7 +241,7 @@ fn dataset_name(folder: &Path) -> Result<String> {
             dots.canonicalize().map_err(|error| Error::io(&dots, error))?
         }
     };
-    // The root of all has none.
+    // The root folder has no name.
     Ok(whole.file_name().map_or("pairs".into(), |name| name.to_string_lossy().into_owned()))
 }
 
@@ -290,7 +289,7 @@ mod tests {
         let pair = first("rooms/kitchen-evaluation/gt.log");
         assert_eq!(pair.dataset, "kitchen");
         assert_eq!(pair.source, Path::new("rooms/kitchen/cloud_bin_2.ply"));
-        // Where the path does not say how it is called.
+        // The path does not contain the folder's name.
         let here = std::env::current_dir().unwrap();
         let here = here.file_name().unwrap().to_string_lossy();
         for path in ["gt.log", "./gt.log", "src/../gt.log"] {

@@ -1,5 +1,5 @@
-//! Any methods over a list of real pairs with known poses: how many are right, how fast, and
-//! how well their verdicts know.
+//! Benchmarks of any methods on a list of real pairs with known poses: recall, time, and the
+//! reliability of their verdicts.
 
 pub mod candidates;
 mod external_poses;
@@ -29,19 +29,20 @@ use crate::math::{self, Vec3};
 use crate::method::{Pipeline, Register, Registration};
 use crate::verify::Decision;
 
-/// How pairs are run.
+/// The settings of a benchmark.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Settings {
-    /// Whether the source is moved by a random motion first; default yes. Clouds of a list
-    /// often stand near their true relative pose, where global registration means nothing.
+    /// Whether the source is moved by a random motion first; default yes. Clouds of a list are
+    /// often close to their true relative pose, which would make global registration trivial.
     pub moved: bool,
     /// Seed of the motions.
     pub seed: u64,
-    /// Where the sensors stood.
+    /// Source of the sensor viewpoints.
     pub viewpoints: ViewpointSource,
-    /// When a pose is right; default by the size of the source ([`SuccessCriterion::for_size`]).
+    /// Success criterion of a pose; default by the size of the source
+    /// ([`SuccessCriterion::for_size`]).
     pub rule: Option<SuccessCriterion>,
-    /// Points that clouds are thinned to at random, 0 for all.
+    /// Points to which clouds are downsampled at random, 0 for all.
     pub points: usize,
 }
 
@@ -52,7 +53,7 @@ impl Default for Settings {
     }
 }
 
-/// One pair by one method.
+/// The result of one method on one pair.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkRow {
     /// The pair's set.
@@ -61,35 +62,35 @@ pub struct BenchmarkRow {
     pub source: String,
     /// File of the target.
     pub target: String,
-    /// Share of the source that the target shows; 0 for clouds with nothing in common.
+    /// Share of the source that the target also covers; 0 for unrelated clouds.
     pub overlap: Option<f64>,
     /// Name of the method, refinements after `+`.
     pub method: String,
-    /// Whether the pose is right.
+    /// Whether the pose is correct.
     pub right: bool,
-    /// What was asked of it.
+    /// The success criterion.
     pub rule: SuccessCriterion,
-    /// Rotation error, degrees; empty without an answer or a truth.
+    /// Rotation error, degrees; empty without a pose or a truth.
     pub rotation_deg: Option<f64>,
     /// Translation error in the clouds' unit.
     pub translation: Option<f64>,
-    /// Whether the method takes its own answer.
+    /// Whether the method accepts its own pose.
     pub accepted: bool,
-    /// Whether it took it to be one of several.
+    /// Whether the method reports the pose as one of several.
     pub ambiguous: bool,
-    /// Probability of being right, from methods that tell.
+    /// Probability that the pose is correct, from methods that report it.
     pub probability: Option<f64>,
-    /// Squared error in units of what its covariance expects, from methods that tell
+    /// Squared error normalised by the method's covariance, from methods that report it
     /// ([`PoseCovariance::nees`](crate::verify::PoseCovariance::nees)).
     #[serde(default)]
     pub nees: Option<f64>,
-    /// Seconds of the registration, files read before.
+    /// Seconds of the registration, without reading files.
     pub seconds: f64,
-    /// Why there is no answer; empty with one.
+    /// Why there is no pose; empty with one.
     pub error: String,
 }
 
-/// A method by its name, refinements after `+`: `cf-multiscale+gicp`.
+/// Parses a method by its name, refinements after `+`: `cf-multiscale+gicp`.
 ///
 /// # Errors
 /// Those of its parts and of [`Pipeline::new`].
@@ -99,15 +100,15 @@ pub fn parse_method(name: &str) -> Result<Pipeline> {
     Pipeline::new(first, parts.collect::<Result<_>>()?)
 }
 
-/// Runs `methods` over `pairs` and gives a row for each pair and method, in order.
+/// Runs `methods` over `pairs` and returns a row for each pair and method, in order.
 ///
-/// With `output` each row is appended to that file as soon as it is there, and rows that are in
-/// it already, by the same settings, are not run again. `progress` is called with the rows done
-/// and all of them.
+/// With `output` each row is appended to that file as soon as it is complete, and rows already in
+/// the file, by the same settings, are not run again. `progress` is called with the numbers of rows
+/// done and of all rows.
 ///
 /// # Errors
-/// Those of reading clouds; [`Error::Config`](crate::Error::Config) for an `output` made by other settings. A pair
-/// without an answer is a row.
+/// Those of reading clouds; [`Error::Config`](crate::Error::Config) for an `output` made by other
+/// settings. A pair without a pose is a row.
 pub fn run(
     pairs: &[Pair],
     methods: &[String],
@@ -141,9 +142,9 @@ pub fn run(
     Ok(rows)
 }
 
-/// A pair as it is given to a method.
+/// A pair as it is passed to a method.
 struct PreparedPair {
-    /// As in its file.
+    /// The source as in its file.
     source: PointCloud,
     /// The source under `motion`.
     moved: PointCloud,
@@ -153,7 +154,7 @@ struct PreparedPair {
 }
 
 impl PreparedPair {
-    /// The pair that comes as the `number`-th of the list.
+    /// Prepares the pair with index `number` of the list.
     fn new(
         pair: &Pair,
         number: usize,
@@ -198,7 +199,7 @@ fn register_pair(
                 let truth = truth.after(&motion.inverse());
                 Some(verdict?.covariance.as_ref()?.nees(&found.transform, &truth))
             });
-            // In the frames of the files, as published errors are.
+            // In the frames of the files, like published errors.
             row.set_errors(&found.transform.after(&motion), pair, &source);
         }
         Err(error) => row.error = error.to_string(),
@@ -206,19 +207,19 @@ fn register_pair(
     Ok(row)
 }
 
-/// A pair, registered once more.
+/// A pair that was registered again.
 pub struct Rerun {
-    /// Moved as it was.
+    /// The source, moved as in the first run.
     pub source: PointCloud,
-    /// As in its file.
+    /// The source as in its file.
     pub target: PointCloud,
-    /// What was found.
+    /// The registration result.
     pub found: Registration,
     /// The true pose of the moved source, if the list has one.
     pub truth: Option<Transform>,
 }
 
-/// Does once more what [`run`] did with the pair that comes as the `number`-th of its list.
+/// Repeats the registration of [`run`] for the pair with index `number` of its list.
 ///
 /// # Errors
 /// Those of reading clouds, and of the method.
@@ -231,7 +232,7 @@ pub fn rerun(pair: &Pair, number: usize, method: &Pipeline, settings: Settings) 
 }
 
 impl BenchmarkRow {
-    /// Whether it is of this pair.
+    /// Returns whether the row is of this pair.
     pub fn matches_pair(&self, pair: &Pair) -> bool {
         let same = |name: &str, path: &Path| name == path.display().to_string();
         same(&self.source, &pair.source)
@@ -239,7 +240,7 @@ impl BenchmarkRow {
             && self.dataset == pair.dataset
     }
 
-    /// Of a pair without an answer yet.
+    /// Creates the row of a pair without a pose.
     fn new(pair: &Pair, method: &str, rule: SuccessCriterion, seconds: f64) -> BenchmarkRow {
         let path = |path: &Path| path.display().to_string();
         BenchmarkRow {
@@ -261,7 +262,7 @@ impl BenchmarkRow {
         }
     }
 
-    /// Holds `found` against the pair's pose, if it has one.
+    /// Compares `found` with the pair's true pose, if it has one.
     fn set_errors(&mut self, found: &Transform, pair: &Pair, source: &PointCloud) {
         if let Some(truth) = &pair.truth {
             let error = self.rule.error(found, truth, source);
@@ -272,17 +273,17 @@ impl BenchmarkRow {
     }
 }
 
-/// The verdict of the method that came first: refinements keep its answer's place.
+/// Returns the verdict of the first method: refinements keep its pose.
 fn verdict(found: &Registration) -> Option<&crate::verify::Verdict> {
     let before = found.refined_from.as_deref();
     found.verdict.as_ref().or_else(|| before.and_then(verdict))
 }
 
-/// Any rotation, each as likely as any other, and a shift of up to `size` along each axis.
+/// Draws a uniformly random rotation, and a translation of up to `size` along each axis.
 pub fn random_pose(seed: u64, size: f64) -> Transform {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = || 2.0 * rng.random::<f64>() - 1.0;
-    // A direction in four dimensions by rejection from the cube is a unit quaternion.
+    // Rejection from the 4D cube gives a uniform unit quaternion.
     let [w, x, y, z] = loop {
         let drawn = [(); 4].map(|()| uniform());
         let square: f64 = drawn.iter().map(|x| x * x).sum();
@@ -331,10 +332,10 @@ mod tests {
         let first = run(&methods[..1], settings).unwrap();
         assert!(first[0].right && first[0].error.is_empty(), "{first:?}");
         let both = run(&methods, settings).unwrap();
-        // The same to the last digit of its seconds: it was read, not run.
+        // The same seconds to the last digit: it was read, not run.
         assert_eq!(both[0], first[0]);
         assert_eq!(both[1].method, "consensus+icp");
-        // Cut short in its last row: that one is run again.
+        // Cut within its last row: that row is run again.
         let text = fs::read_to_string(&output).unwrap();
         fs::write(&output, &text[..text.len() - 5]).unwrap();
         let again = run(&methods, settings).unwrap();
@@ -349,7 +350,7 @@ mod tests {
         let angles: Vec<f64> =
             (0..200).map(|seed| random_pose(seed, 1.0).angle().to_degrees()).collect();
         let mean = angles.iter().sum::<f64>() / 200.0;
-        // Of a uniform rotation 90° + 360°/π² = 126.5°.
+        // A uniform rotation has the mean angle 90° + 360°/π² = 126.5°.
         assert!((mean - 126.5).abs() < 8.0, "{mean}");
         let turn = random_pose(3, 1.0).rotation;
         assert!((math::determinant(&turn) - 1.0).abs() < 1e-12);

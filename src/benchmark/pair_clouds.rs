@@ -1,4 +1,4 @@
-//! The clouds of a list, as methods are given them.
+//! The clouds of a list, as they are passed to methods.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::{filter, io};
 
-/// Clouds that were read, the last few of them.
+/// A cache of the last few clouds that were read.
 #[derive(Default)]
 pub(super) struct PairClouds {
     cached: HashMap<PathBuf, PointCloud>,
     order: Vec<PathBuf>,
 }
 
-/// Clouds that are held.
+/// Most clouds in the cache. Chosen by hand.
 const MAX_CACHED_CLOUDS: usize = 32;
 
 impl PairClouds {

@@ -1,26 +1,26 @@
-//! The probabilities that methods told, beside the share that was right: numbers and a figure.
+//! Reported probabilities against the share of correct poses: numbers and a figure.
 
 use super::BenchmarkRow;
 use crate::error::{Error, Result};
 use crate::figure::{Axes, Content, Curve, Figure, Panel};
 
-/// Classes of the probability.
+/// Classes of the probability. Chosen by hand.
 const BIN_COUNT: usize = 10;
 
-/// Poses whose probabilities lie in one tenth.
+/// Poses whose probabilities are in the same tenth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReliabilityBin {
-    /// Its lower end; the upper is a tenth more.
+    /// Lower end of the class; the upper is a tenth more.
     pub from: f64,
-    /// How many, at least 1.
+    /// Number of poses, at least 1.
     pub poses: usize,
-    /// The mean of what was told.
+    /// Mean of the reported probabilities.
     pub predicted: f64,
-    /// The share that is right.
+    /// Share of correct poses.
     pub observed: f64,
 }
 
-/// The tenths that have poses, in order; rows without a probability do not count.
+/// Returns the tenths that have poses, in order; rows without a probability are ignored.
 pub fn reliability_bins<'a>(
     rows: impl IntoIterator<Item = &'a BenchmarkRow>,
 ) -> Vec<ReliabilityBin> {
@@ -43,7 +43,8 @@ pub fn reliability_bins<'a>(
     .collect()
 }
 
-/// The expected calibration error: how far what was told is from what is right, mean over poses.
+/// Computes the expected calibration error: the mean over poses of the difference between reported
+/// probability and share of correct poses.
 pub fn calibration_error(classes: &[ReliabilityBin]) -> f64 {
     let off =
         |class: &ReliabilityBin| class.poses as f64 * (class.predicted - class.observed).abs();
@@ -51,11 +52,11 @@ pub fn calibration_error(classes: &[ReliabilityBin]) -> f64 {
     classes.iter().map(off).sum::<f64>() / all as f64
 }
 
-/// A curve for each method that tells, shaded where 95 % of such shares would lie, beside the
-/// diagonal of those that know.
+/// Draws a curve for each method that reports probabilities, shaded where 95 % of the observed
+/// shares would be, and the diagonal of perfect calibration.
 ///
 /// # Errors
-/// [`Error::Config`] of `figure` if no method tells a probability.
+/// [`Error::Config`] of `figure` if no method reports a probability.
 pub fn figure(rows: &[BenchmarkRow]) -> Result<Figure> {
     let mut methods: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.probability.is_some()) {
@@ -95,7 +96,7 @@ pub fn figure(rows: &[BenchmarkRow]) -> Result<Figure> {
     Ok(Figure { panels: vec![panel], columns: 1, size: (620, 460) })
 }
 
-/// Where the true share lies, by the share that was seen, with 95 % (Wilson 1927).
+/// Returns the 95 % confidence interval of the true share from the observed one (Wilson 1927).
 fn interval(class: &ReliabilityBin) -> [f64; 2] {
     const Z: f64 = 1.96;
     let (n, share) = (class.poses as f64, class.observed);
@@ -143,12 +144,12 @@ mod tests {
         assert_eq!((low.from, low.poses, low.predicted, low.observed), (0.0, 1, 0.02, 0.0));
         assert_eq!((high.from, high.poses, high.observed), (0.9, 4, 0.75));
         assert!((high.predicted - 0.95).abs() < 1e-12);
-        // A fifth of the poses off by 0.02, four fifths by 0.2.
+        // A fifth of the poses differ by 0.02, four fifths by 0.2.
         assert!((calibration_error(&reliability_bins(&rows)) - 0.164).abs() < 1e-12);
         let Content::Curves { curves, .. } = &figure(&rows).unwrap().panels[0].content else {
             panic!("no curves")
         };
-        // The diagonal, and the one method that tells.
+        // The diagonal, and the one method that reports probabilities.
         assert_eq!(curves.len(), 2);
         assert!(curves[0].guide && curves[1].name == "consensus");
         assert_eq!(curves[1].points, [[low.predicted, 0.0], [high.predicted, 0.75]]);

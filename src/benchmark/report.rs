@@ -1,4 +1,4 @@
-//! What came of a benchmark, as tables.
+//! Tables of benchmark results.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -8,11 +8,11 @@ use super::reliability::{ReliabilityBin, calibration_error, reliability_bins};
 
 /// 95 % quantile of χ² with six degrees of freedom, whose median is 5.348.
 const CHI_SQUARE_95: f64 = 12.592;
-/// Bounds of overlap between which pairs are counted together.
+/// Bounds of overlap between which pairs are counted together. Chosen by hand.
 const BANDS: [f64; 4] = [0.1, 0.3, 0.5, 0.75];
 
-/// Tables in Markdown: of every set and method the share of right poses, by overlap, the errors
-/// of the right ones, and the seconds; then what the methods' own verdicts were worth.
+/// Formats tables in Markdown: for every set and method the share of correct poses, by overlap, the
+/// errors of the correct ones, and the seconds; then the reliability of the methods' own verdicts.
 pub fn markdown(rows: &[BenchmarkRow]) -> String {
     let mut sets: Vec<&str> = Vec::new();
     let mut methods: Vec<&str> = Vec::new();
@@ -90,7 +90,7 @@ fn recall(text: &mut String, set: &str, method: &str, rows: &[&BenchmarkRow]) {
         let values: Vec<f64> = right.clone().filter_map(|row| of(row)).collect();
         values.iter().sum::<f64>() / values.len() as f64
     };
-    // Of a pair that a program has no row of nobody knows them.
+    // The seconds are unknown for a pair without a row of the program.
     let mut seconds: Vec<f64> = rows.iter().map(|row| row.seconds).collect();
     if seconds.iter().any(|seconds| seconds.is_finite()) {
         seconds.retain(|seconds| seconds.is_finite());
@@ -130,7 +130,7 @@ fn verdicts(text: &mut String, set: &str, method: &str, rows: &[&BenchmarkRow]) 
     );
 }
 
-/// What covariances were worth: the squared errors of right poses in units of what they expect.
+/// Reports the consistency of covariances: squared errors of correct poses, normalised by them.
 fn covariances(text: &mut String, set: &str, method: &str, nees: &mut [f64]) {
     nees.sort_by(f64::total_cmp);
     let within = nees.iter().filter(|&&error| error < CHI_SQUARE_95).count();
@@ -143,7 +143,7 @@ fn covariances(text: &mut String, set: &str, method: &str, nees: &mut [f64]) {
     );
 }
 
-/// Ten classes of the probability that was told, and the share that was right.
+/// Tabulates ten classes of the reported probability, and the share of correct poses.
 fn reliability(text: &mut String, method: &str, rows: &[&BenchmarkRow]) {
     let _ = write!(
         text,
@@ -195,7 +195,7 @@ mod tests {
         let line = "| rooms | consensus | 2/3 = 66.7 % | 1/1 | - | - | 1/2 | - | 1.00 | 0.1000 | 0.250 | 0 |";
         assert!(text.contains(line), "{text}");
         assert!(text.contains("| rooms | consensus | 0/1 = 0.0 % | 1/2 = 50.0 % | 0 |"), "{text}");
-        // Pairs with nothing in common have no recall, but a false accept.
+        // Unrelated pairs have no recall, but a false accept.
         assert!(text.contains("| unrelated | consensus | 1/1 = 100.0 % | - | 0 |"), "{text}");
         assert!(text.contains("| rooms | consensus | 2 | 5.0 | 100 % |"), "{text}");
         assert!(text.contains("| 0.3-0.4 | 2 | 0.330 | 0.500 |"), "{text}");

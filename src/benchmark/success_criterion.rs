@@ -1,4 +1,4 @@
-//! When a pose is right.
+//! Success criteria of a pose.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::verify::{PoseError, pose_error};
 
-/// Largest errors of a pose that counts as right.
+/// Largest errors of a correct pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SuccessCriterion {
@@ -24,7 +24,7 @@ pub enum SuccessCriterion {
 }
 
 impl SuccessCriterion {
-    /// All of them.
+    /// All criteria.
     pub const ALL: [SuccessCriterion; 4] = [
         SuccessCriterion::Indoor,
         SuccessCriterion::Outdoor,
@@ -32,7 +32,8 @@ impl SuccessCriterion {
         SuccessCriterion::Relative,
     ];
 
-    /// What suits a cloud of this size: objects below a metre, rooms below 25, else streets.
+    /// Returns the criterion for a cloud of this size: objects below a metre, rooms below 25, else
+    /// streets.
     pub fn for_size(metres: f64) -> SuccessCriterion {
         if metres < 1.0 {
             SuccessCriterion::Relative
@@ -43,15 +44,15 @@ impl SuccessCriterion {
         }
     }
 
-    /// Compares poses of `source`, as published lists of pairs count it: the translation is
-    /// ‖t − t_gt‖ in the clouds' own frames. For [`SuccessCriterion::Relative`] it is the distance of the
-    /// source's centroids, since the zero of an object's frame means nothing.
+    /// Computes the error of poses of `source`, as in published lists of pairs: the translation
+    /// error is ‖t − t_gt‖ in the clouds' own frames. For [`SuccessCriterion::Relative`] it is the
+    /// distance of the source's centroids, since the origin of an object's frame is arbitrary.
     pub fn error(self, found: &Transform, truth: &Transform, source: &PointCloud) -> PoseError {
         let about = if self == SuccessCriterion::Relative { source.centroid() } else { [0.0; 3] };
         pose_error(found, truth, about)
     }
 
-    /// Whether `error` is small enough; `unit` is the clouds' unit in metres.
+    /// Returns whether `error` is small enough; `unit` is the clouds' unit in metres.
     pub fn is_met(self, error: PoseError, source: &PointCloud, unit: f64) -> bool {
         let (degrees, length) = match self {
             SuccessCriterion::Indoor => (15.0, 0.3 / unit),
@@ -100,7 +101,7 @@ mod tests {
         let error = SuccessCriterion::Indoor.error(&turn, &Transform::IDENTITY, &cloud);
         assert!((error.rotation_deg - 4.0).abs() < 1e-9 && error.translation == 0.0);
         assert!(SuccessCriterion::Indoor.is_met(error, &cloud, 1.0));
-        // About the centroid, ten off the zero: 0.7 are more than a twentieth of 5.
+        // About the centroid, ten from the origin: 0.7 are more than a twentieth of 5.
         let error = SuccessCriterion::Relative.error(&turn, &Transform::IDENTITY, &cloud);
         assert!(error.translation > 0.7 && !SuccessCriterion::Relative.is_met(error, &cloud, 1.0));
         let shift = Transform::rigid(math::IDENTITY, [0.0, 0.0, 50.0]);

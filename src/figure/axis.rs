@@ -1,26 +1,26 @@
-//! Axes: where a value lies along one, and which values are labelled.
+//! Axes: the position of a value along an axis, and the labelled values.
 
 use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-/// An axis, linear or by the decimal logarithm: a value's place along it is the value or its
-/// logarithm.
+/// An axis, linear or logarithmic (base 10): the position of a value is the value or its logarithm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
     logarithmic: bool,
-    /// Places of its ends.
+    /// Positions of its ends.
     low: f64,
     high: f64,
 }
 
-/// Room beyond the values at either end, as a share of the axis.
+/// Margin beyond the values at either end, as a share of the axis. Chosen by hand.
 const MARGIN: f64 = 0.03;
-/// About as many labels as an axis has room for.
+/// Approximate number of labels on an axis. Chosen by hand.
 const TARGET_LABELS: f64 = 7.0;
 
 impl Axis {
-    /// Over all of `values` that it can show, and over zero where it is linear and `grounded`.
+    /// Creates an axis over all of `values` that it can show; a linear axis that is `grounded`
+    /// includes zero.
     pub(super) fn over(
         values: impl Iterator<Item = f64>,
         logarithmic: bool,
@@ -44,21 +44,21 @@ impl Axis {
         Axis { logarithmic, low: bottom, high: high + more }
     }
 
-    /// Whether `value` has a place.
+    /// Returns whether `value` has a position on the axis.
     pub(super) fn can_show(&self, value: f64) -> bool {
         place(value, self.logarithmic).is_some()
     }
 
-    /// The value at `place`.
+    /// Returns the value at `place`.
     fn value(&self, place: f64) -> f64 {
         if self.logarithmic { 10f64.powf(place) } else { place }
     }
 
-    /// Places of the labels.
+    /// Returns the positions of the labels.
     fn ticks(&self) -> Vec<f64> {
         let span = self.high - self.low;
         if self.logarithmic && span < TARGET_LABELS {
-            // 1, 2, 5 in every decade, 1 and 3 or 1 alone, as there is room.
+            // 1, 2, 5 in every decade, 1 and 3, or 1 alone, as space allows.
             let within: &[f64] = match span {
                 span if span < 2.9 => &[1.0, 2.0, 5.0],
                 span if span < 4.5 => &[1.0, 3.0],
@@ -77,14 +77,14 @@ impl Axis {
         (first..=last).map(|k| k as f64 * step).collect()
     }
 
-    /// The label at a place of [`ticks`](Self::ticks).
+    /// Returns the label at a position of [`ticks`](Self::ticks).
     fn label(&self, place: f64) -> String {
-        // A logarithm may come back a little below the whole number it was.
+        // The logarithm of a power of ten may be a little below its integer.
         let power = if self.logarithmic { place + 1e-9 } else { self.step().log10() + 1e-9 };
         number(self.value(place), power.floor() as i32)
     }
 
-    /// Between labels, where they are even.
+    /// Returns the step between evenly spaced labels.
     fn step(&self) -> f64 {
         round_step((self.high - self.low) / TARGET_LABELS)
     }
@@ -94,8 +94,8 @@ impl Ranged for Axis {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
-    /// What has no place, or one beyond an end, lies at the end: zero at the lower end of a
-    /// logarithmic axis.
+    /// Values without a position, or beyond an end, are drawn at the end: zero at the lower end of
+    /// a logarithmic axis.
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
         let place = place(*value, self.logarithmic).unwrap_or(self.low);
         let share = (place.clamp(self.low, self.high) - self.low) / (self.high - self.low);
@@ -117,20 +117,20 @@ impl ValueFormatter<f64> for Axis {
     }
 }
 
-/// Where `value` lies; `None` where it cannot.
+/// Returns the position of `value`; `None` if it has none.
 fn place(value: f64, logarithmic: bool) -> Option<f64> {
     let place = if logarithmic { value.log10() } else { value };
     place.is_finite().then_some(place)
 }
 
-/// The next of 1, 2, 5, 10, … times a power of ten.
+/// Rounds up to the next of 1, 2, 5, 10, … times a power of ten.
 fn round_step(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let times = [1.0, 2.0, 5.0].into_iter().find(|m| m * power >= step * (1.0 - 1e-9));
     times.unwrap_or(10.0) * power
 }
 
-/// `value` up to the digit of 10^`power`.
+/// Formats `value` up to the digit of 10^`power`.
 fn number(value: f64, power: i32) -> String {
     match power {
         // Adding zero turns -0 into 0.

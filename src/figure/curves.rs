@@ -1,4 +1,4 @@
-//! Panels of curves over labelled axes, their names beside them.
+//! Panels of curves over labelled axes, with a legend.
 
 use plotters::coord::{CoordTranslate, Shift};
 use plotters::element::DashedPathElement;
@@ -7,14 +7,14 @@ use plotters::prelude::*;
 use super::axis::Axis;
 use super::{Axes, COLOURS, Curve, Drawn, FONT, text};
 
-/// Most pixels of the list of names; what is beyond is cut.
+/// Most pixels of the legend's width; longer names are cut. Chosen by hand.
 const WIDEST: u32 = 240;
-/// Length of a name's piece of curve, pixels, and height of its line.
+/// Length of a legend entry's piece of curve, and height of its line, pixels. Chosen by hand.
 const PIECE: i32 = 26;
 const LINE: i32 = 18;
 const GUIDE: RGBColor = RGBColor(150, 150, 150);
 
-/// The panel `title` with the labels of its axes.
+/// Draws the panel `title` with axis labels.
 pub(super) fn draw<B: DrawingBackend>(
     place: &DrawingArea<B, Shift>,
     title: &str,
@@ -87,7 +87,7 @@ pub(super) fn draw<B: DrawingBackend>(
     Ok(())
 }
 
-/// Curves with their number among those that have a colour.
+/// Numbers the curves that have a colour.
 fn with_color_index(curves: &[Curve]) -> impl Iterator<Item = (usize, &Curve)> {
     curves.iter().scan(0, |next, curve| {
         let k = *next;
@@ -100,7 +100,7 @@ fn colour(curve: &Curve, k: usize) -> RGBColor {
     if curve.guide { GUIDE } else { COLOURS[k % COLOURS.len()] }
 }
 
-/// A line, dashed and thin for a guide.
+/// Draws a line, dashed and thin for a guide.
 fn stroke<B: DrawingBackend, C: CoordTranslate>(
     area: &DrawingArea<B, C>,
     curve: &Curve,
@@ -117,8 +117,8 @@ where
     area.draw(&PathElement::new(path, colour.stroke_width(2)))
 }
 
-/// The marker of the `k`-th curve: as many shapes as have no divisor with the number of
-/// colours, so that none comes twice in the same colour before both have gone round.
+/// Draws the marker of the `k`-th curve. The number of shapes has no common divisor with the number
+/// of colours, so that no shape repeats in a colour before all combinations are used.
 fn mark<B: DrawingBackend, C: CoordTranslate>(
     area: &DrawingArea<B, C>,
     at: C::From,

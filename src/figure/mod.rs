@@ -30,18 +30,18 @@ pub struct Figure {
 /// A part of a figure.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// Above it.
+    /// Title above the panel.
     pub title: String,
-    /// Within it.
+    /// Content of the panel.
     pub content: Content,
 }
 
-/// What a panel shows.
+/// The content of a panel.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// Sets of points in the plane, at one scale on both axes, the later ones on top.
     Points(Vec<Dots>),
-    /// Points in space as they are seen from one side, at one scale on both axes.
+    /// Points in space seen from one side, at one scale on both axes.
     Scene(Scene),
     /// Curves over labelled axes.
     Curves {
@@ -49,9 +49,9 @@ pub enum Content {
         x: String,
         /// Label of the ordinate, with its unit.
         y: String,
-        /// How values are laid out.
+        /// Scales of the axes.
         axes: Axes,
-        /// The later ones on top.
+        /// Curves, the later ones on top.
         curves: Vec<Curve>,
     },
 }
@@ -59,63 +59,63 @@ pub enum Content {
 /// Points of one colour.
 #[derive(Debug, Clone, Default)]
 pub struct Dots {
-    /// Shown below the panel; not if it is empty.
+    /// Legend text below the panel; not shown if empty.
     pub name: String,
     /// Coordinates, to the right and upwards.
     pub points: Vec<[f64; 2]>,
 }
 
-/// Points that hide each other.
+/// Points that occlude each other.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// What is shown below the panel, and in which colour.
+    /// Legend text below the panel, with its colour.
     pub names: Vec<(String, [u8; 3])>,
-    /// The later ones on top.
+    /// Curves, the later ones on top.
     pub dots: Vec<Dot>,
-    /// Middle of the panel, and how far it reaches at least on every side of it.
+    /// Centre of the panel.
     pub middle: [f64; 2],
-    /// In the unit of the dots.
+    /// Least extent on every side of the centre, in the unit of the dots.
     pub reach: f64,
-    /// Radius of a dot, in that unit; a pixel at least.
+    /// Radius of a dot, in the unit of the dots; at least a pixel.
     pub radius: f64,
 }
 
 /// A point of a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Dot {
-    /// To the right and upwards.
+    /// Position to the right and upwards.
     pub at: [f64; 2],
     /// Red, green, blue.
     pub colour: [u8; 3],
 }
 
-/// How values are laid out along axes. What is not above zero is left out of a logarithmic
-/// one, and a band that reaches there goes to its end.
+/// Scales of the axes. A logarithmic axis omits values that are not above zero, and a band that
+/// reaches such values extends to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Axes {
-    /// Both linearly, the ordinate from zero.
+    /// Both linear, the ordinate from zero.
     #[default]
     Linear,
-    /// The ordinate by logarithm.
+    /// The ordinate logarithmic.
     LogarithmicY,
-    /// Both by logarithm.
+    /// Both logarithmic.
     Logarithmic,
 }
 
 /// A line with a marker at every point.
 #[derive(Debug, Clone, Default)]
 pub struct Curve {
-    /// Shown beside the panel; not if it is empty.
+    /// Legend text beside the panel; not shown if empty.
     pub name: String,
-    /// Abscissa and ordinate, in the order in which they are joined.
+    /// Abscissa and ordinate, in the order of the line.
     pub points: Vec<[f64; 2]>,
-    /// Lowest and highest ordinate at each point, shaded; not if it is empty.
+    /// Lowest and highest ordinate at each point, shaded; not shown if empty.
     pub band: Vec<[f64; 2]>,
-    /// Whether it is only there for comparison: dashed, grey, without markers.
+    /// Whether it is a reference only: dashed, grey, without markers.
     pub guide: bool,
 }
 
-/// Colours that are told apart by most eyes (Okabe and Ito 2008), a grey and a violet.
+/// Colours that most people can distinguish (Okabe and Ito 2008), a grey and a violet.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -140,10 +140,10 @@ impl Figure {
         io::write_bytes(&png, &self.png()?)
     }
 
-    /// As the text of an SVG.
+    /// Renders the figure as SVG text.
     ///
     /// # Errors
-    /// [`Error::Io`] for what cannot be drawn.
+    /// [`Error::Io`] if drawing fails.
     pub fn svg(&self) -> Result<String> {
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, self.pixels()).into_drawing_area();
@@ -152,10 +152,10 @@ impl Figure {
         Ok(text)
     }
 
-    /// As the bytes of a PNG.
+    /// Renders the figure as PNG bytes.
     ///
     /// # Errors
-    /// [`Error::Io`] for what cannot be drawn.
+    /// [`Error::Io`] if drawing fails.
     pub fn png(&self) -> Result<Vec<u8>> {
         let (width, height) = self.pixels();
         let mut pixels = vec![0; 3 * width as usize * height as usize];
@@ -175,14 +175,14 @@ impl Figure {
         self.panels.len().div_ceil(self.columns.max(1)).max(1)
     }
 
-    /// Width and height of all of it.
+    /// Returns width and height of the whole figure.
     fn pixels(&self) -> (u32, u32) {
         (self.size.0 * self.columns.max(1) as u32, self.size.1 * self.rows() as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Drawn<B> {
         static FONTS: Once = Once::new();
-        // The same letters on every machine, also where there are no fonts.
+        // The same font on every machine, also without installed fonts.
         FONTS.call_once(|| {
             let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
         });
@@ -207,7 +207,7 @@ fn failed(error: &dyn std::fmt::Display) -> Error {
 
 type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-/// Small letters, their middle line at a place.
+/// Returns the style of small text, vertically centred at its position.
 fn text() -> TextStyle<'static> {
     (FONT, 13).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center))
 }
@@ -261,7 +261,7 @@ mod tests {
         for word in ["A panel", "curve 8", "curve 9", "seconds", "target", "in space"] {
             assert!(words.contains(word), "{word}");
         }
-        // Names of the three panels of curves, none where there is nothing to name.
+        // Legends of the three panels of curves; other panels have none.
         assert_eq!(words.matches("curve 0").count(), 3);
         assert_eq!([svg, png], saved("two"));
     }

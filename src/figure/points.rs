@@ -6,9 +6,9 @@ use plotters::prelude::*;
 
 use super::{COLOURS, Dots, Drawn, FONT, text};
 
-/// Height of the title, pixels.
+/// Height of the title, pixels. Chosen by hand.
 pub(super) const TITLE: u32 = 34;
-/// Height of the line of names, pixels.
+/// Height of the legend, pixels. Chosen by hand.
 const NAMES: u32 = 24;
 pub(super) const EDGE: f64 = 8.0;
 
@@ -42,7 +42,8 @@ pub(super) fn draw<B: DrawingBackend>(
     Ok(())
 }
 
-/// Names that are not empty, with their colours, in one line below; what is left above it.
+/// Draws a legend of the names that are not empty in one line at the bottom; returns the area
+/// above.
 pub(super) fn draw_legend<B: DrawingBackend>(
     place: &DrawingArea<B, Shift>,
     named: &[(&str, RGBColor)],
@@ -71,8 +72,8 @@ pub(super) fn draw_legend<B: DrawingBackend>(
     Ok(plot)
 }
 
-/// A box about the points that stray ones do not blow up: about the central nine tenths of
-/// the coordinates, half as much more on every side, at most to where there are points.
+/// Returns a bounding box that is robust to outliers: the central nine tenths of the coordinates,
+/// enlarged by half on every side, at most to the extreme points.
 fn robust_center<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> ([f64; 2], [f64; 2]) {
     let points: Vec<&[f64; 2]> = points.filter(|p| p.iter().all(|x| x.is_finite())).collect();
     let (mut low, mut high) = ([0.0; 2], [1.0; 2]);

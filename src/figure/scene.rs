@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use super::points::{EDGE, TITLE, draw_legend};
 use super::{Drawn, FONT, Scene};
 
-/// Largest dots, pixels.
+/// Largest dots, pixels. Chosen by hand.
 const THICKEST: f64 = 3.0;
 
 pub(super) fn draw<B: DrawingBackend>(
@@ -24,7 +24,7 @@ pub(super) fn draw<B: DrawingBackend>(
     let plot = draw_legend(&rest, &named)?;
     let size = plot.dim_in_pixel();
     let room = [size.0, size.1].map(|pixels| (f64::from(pixels) / 2.0 - EDGE).max(1.0));
-    // The shorter side shows what is asked for.
+    // The shorter side shows the requested extent.
     let scale = scene.reach.max(f64::MIN_POSITIVE) / room[0].min(room[1]);
     let radius = (scene.radius / scale).clamp(1.0, THICKEST).round() as i32;
     for dot in &scene.dots {

@@ -1,4 +1,4 @@
-//! Which columns of a file hold what.
+//! The meaning of each column of a file.
 
 use super::content_error::{ContentError, quote_start};
 use super::differences::{Differences, truncate_name};
@@ -6,18 +6,18 @@ use super::lines::number;
 use super::names::{UniqueNames, channel_name};
 use crate::cloud::{Channels, ColorDepth};
 
-/// The numbers of a row: x, y, z, the normal, then what else there is, in the order of its columns.
+/// The numbers of a row: x, y, z, the normal, then all other numbers in the order of their columns.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Vertex {
     pub(super) place: [f64; 3],
     pub(super) normal: [f64; 3],
     pub(super) extras: Vec<f64>,
-    /// Which of [`COLORS`] are written otherwise than as a whole number, a bit each.
+    /// [`COLORS`] that are not written as a whole number, one bit each.
     pub(super) decimal: u8,
 }
 
 impl Vertex {
-    /// Keeps the `value` of a column called `name`.
+    /// Stores the `value` of a column called `name`.
     pub fn set(&mut self, name: &str, value: f64) {
         match slot(name) {
             Some(slot) => self.set_slot(slot, value),
@@ -32,47 +32,48 @@ impl Vertex {
         }
     }
 
-    /// Forgets the row before.
+    /// Clears the previous row.
     fn clear(&mut self) {
         self.extras.clear();
         self.decimal = 0;
     }
 }
 
-/// The columns that are colours, in the order of bits.
+/// The colour columns, in the order of the bits.
 pub(super) const COLORS: [&str; 4] = Channels::COLORS;
 
-/// Which of [`COLORS`] has this name, in any case.
+/// Returns the index in [`COLORS`] of this name, in any case.
 pub(super) fn color(name: &str) -> Option<usize> {
     COLORS.iter().position(|color| color.eq_ignore_ascii_case(name))
 }
 
-/// What the numbers of a column beside positions and normals are.
+/// The kind of numbers in a column other than positions and normals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ColumnKind {
-    /// Numbers that stand for themselves.
+    /// Plain numbers.
     Number,
-    /// Text called as one of [`COLORS`]: whole numbers may be colours, others are numbers.
+    /// Text in a column named as one of [`COLORS`]: whole numbers may be colours, others are
+    /// numbers.
     Text(usize),
-    /// Whole numbers, the largest of which stands for 1.
+    /// Whole numbers, the largest of which means 1.
     Color(ColorDepth),
-    /// The bits of a whole number: blue in the lowest byte, then green and red, then opacity if
+    /// Colour bits in a whole number: blue in the lowest byte, then green and red, then opacity if
     /// there is `alpha`.
     Packed { alpha: bool },
-    /// The same in the bits of a float.
+    /// Colour bits, in the same order, in the bits of a float.
     PackedFloat { alpha: bool },
 }
 
-/// A column beside positions and normals.
+/// A column other than positions and normals.
 #[derive(Debug, Clone)]
 pub(super) struct ExtraColumn {
-    /// Name of the channel that it becomes, or `weight`.
+    /// Name of its channel, or `weight`.
     pub(super) name: String,
     column: usize,
     pub(super) kind: ColumnKind,
 }
 
-/// What the columns of each slot of a [`Vertex`] are called, in any case.
+/// Column names of each slot of a [`Vertex`], in any case.
 const SLOTS: [[&str; 2]; 6] = [
     ["x", "x"],
     ["y", "y"],
@@ -82,7 +83,7 @@ const SLOTS: [[&str; 2]; 6] = [
     ["nz", "normal_z"],
 ];
 
-/// The slot of a [`Vertex`] that a column called `name` fills.
+/// Returns the slot of a [`Vertex`] that a column called `name` fills.
 pub(super) fn slot(name: &str) -> Option<usize> {
     SLOTS.iter().position(|names| names.iter().any(|slot| slot.eq_ignore_ascii_case(name)))
 }
@@ -91,14 +92,14 @@ pub(super) fn slot(name: &str) -> Option<usize> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Use {
     Slot(usize),
-    /// One of the extras.
+    /// An extra column.
     Extra(usize),
 }
 
-/// Which columns hold the numbers of a [`Vertex`].
+/// The columns that hold the numbers of a [`Vertex`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct ColumnMap {
-    /// Columns and what they are for, ascending.
+    /// Columns and their uses, ascending.
     uses: Vec<(usize, Use)>,
     extras: Vec<ExtraColumn>,
     has_normals: bool,
@@ -106,16 +107,16 @@ pub(super) struct ColumnMap {
 }
 
 impl ColumnMap {
-    /// x, y, z first, then the normal if there is one.
+    /// Creates the map for x, y, z, then the normal if there is one.
     pub fn plain(has_normals: bool) -> ColumnMap {
         let slots = if has_normals { 6 } else { 3 };
         let uses = (0..slots).map(|slot| (slot, Use::Slot(slot))).collect();
         ColumnMap { uses, has_normals, ..ColumnMap::default() }
     }
 
-    /// Finds the columns by their names; a normal counts when it is there in full.
-    /// Other columns are extras, under the name of a channel that no other has; those called
-    /// `None` have no single number. The error says which name is missing, or there twice.
+    /// Finds the columns by their names; a normal counts when all three of its columns are present.
+    /// Other columns are extras, each under a unique channel name; columns called `None` have no
+    /// single number. The error names a missing or a repeated column.
     pub fn from_names<'a>(
         names: impl Iterator<Item = Option<&'a str>>,
     ) -> Result<ColumnMap, String> {
@@ -154,7 +155,7 @@ impl ColumnMap {
         Ok(columns)
     }
 
-    /// The same columns, the numbers of the others as `kind` says by name and column.
+    /// Sets the kind of each extra column to `kind` of its name and column.
     pub fn with_kinds(mut self, kind: impl Fn(&str, usize) -> ColumnKind) -> ColumnMap {
         for extra in &mut self.extras {
             extra.kind = kind(&extra.name, extra.column);
@@ -162,35 +163,35 @@ impl ColumnMap {
         self
     }
 
-    /// The columns beside positions and normals.
+    /// Returns the columns other than positions and normals.
     pub fn extras(&self) -> &[ExtraColumn] {
         &self.extras
     }
 
-    /// Whether rows have a normal.
+    /// Returns whether rows have a normal.
     pub fn has_normals(&self) -> bool {
         self.has_normals
     }
 
-    /// In what the names of channels differ from those of the columns.
+    /// Returns the differences between the channel names and the column names.
     pub fn differences(&self) -> &Differences {
         &self.differences
     }
 
-    /// The same columns, each moved to where `place` says, which keeps their order.
+    /// Moves each column to `place` of it, which keeps their order.
     pub fn with_moved_columns(mut self, place: impl Fn(usize) -> usize) -> ColumnMap {
         self.uses.iter_mut().for_each(|(column, _)| *column = place(*column));
         self.extras.iter_mut().for_each(|extra| extra.column = place(extra.column));
         self
     }
 
-    /// The three columns of positions.
+    /// Returns the three columns of positions.
     pub fn position_columns(&self) -> [usize; 3] {
         let place = |slot| self.uses.iter().find(|(_, own)| *own == Use::Slot(slot));
         [0, 1, 2].map(|slot| place(slot).map_or(0, |&(column, _)| column))
     }
 
-    /// Fills `vertex` with the numbers that `value` gives column by column.
+    /// Fills `vertex` with `value` of each column.
     pub fn fill(&self, vertex: &mut Vertex, value: impl Fn(usize) -> f64) {
         vertex.clear();
         for &(column, own) in &self.uses {
@@ -201,8 +202,8 @@ impl ColumnMap {
         }
     }
 
-    /// Fills `vertex` with the numbers in the words of `line`: those of positions and normals
-    /// must be there, of others a word that is no number is NaN.
+    /// Fills `vertex` with the numbers in the words of `line`. Positions and normals must be
+    /// numbers; any other word that is no number becomes NaN.
     pub fn parse<'a>(
         &self,
         vertex: &mut Vertex,
@@ -241,7 +242,7 @@ impl ColumnMap {
         Ok(())
     }
 
-    /// The same columns of a file that has `count` more, without a name.
+    /// Records `count` columns without a name as left out.
     pub fn without_unnamed(mut self, count: usize) -> ColumnMap {
         match count {
             0 => {}
@@ -251,7 +252,7 @@ impl ColumnMap {
         self
     }
 
-    /// The same, noting columns that have no name, up to `width`.
+    /// Records the columns without a name, up to `width`, as left out.
     pub fn without_names(mut self, width: usize) -> ColumnMap {
         let named = self.uses.len();
         match width.saturating_sub(named) {
@@ -265,7 +266,7 @@ impl ColumnMap {
     }
 }
 
-/// The words for a column whose value in `row`, from 0, is no number that f32 holds.
+/// Formats the message for a column whose value in `row`, from 0, is not finite in f32.
 pub(super) fn not_a_number_message(name: &str, row: usize) -> String {
     format!("{} (no finite number at point {row})", truncate_name(name))
 }

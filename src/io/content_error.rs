@@ -1,19 +1,19 @@
-//! What can be wrong with a file's content.
+//! Errors in a file's content.
 
 use std::path::Path;
 
 use crate::error::Error;
 
-/// The longest header, or line of names, that is read, bytes.
+/// The longest header, or line of column names, that is read, in bytes. Chosen by hand.
 pub(super) const MAX_HEADER_BYTES: usize = 1 << 20;
 
-/// The most memory that a file of `size` bytes may take when it says itself how much its content
-/// becomes: ten times as much, and 64 MiB, in which depth images have room that are nearly empty.
+/// Returns the memory limit for a file of `size` bytes that itself declares the size of its
+/// content: ten times the file, plus 64 MiB for depth images that are nearly empty.
 pub(super) fn max_memory(size: usize) -> usize {
     size.saturating_mul(10).saturating_add(64 << 20)
 }
 
-/// What is wrong with a file's content, and where; the path is added at the door.
+/// An error in a file's content and its position; the public functions add the path.
 #[derive(Debug)]
 pub(super) struct ContentError {
     line: Option<usize>,
@@ -22,29 +22,29 @@ pub(super) struct ContentError {
 }
 
 impl ContentError {
-    /// A fault of the file as a whole.
+    /// Creates an error of the file as a whole.
     pub fn new(what: impl Into<String>) -> Self {
         ContentError { line: None, byte: None, what: what.into() }
     }
 
-    /// A fault in `line`, from 1.
+    /// Creates an error in `line`, from 1.
     pub fn line(line: usize, what: impl Into<String>) -> Self {
         ContentError { line: Some(line), ..ContentError::new(what) }
     }
 
-    /// A fault at `byte`, from 0.
+    /// Creates an error at `byte`, from 0.
     pub fn byte(byte: usize, what: impl Into<String>) -> Self {
         ContentError { byte: Some(byte as u64), ..ContentError::new(what) }
     }
 
-    /// The fault as an error about the file `path`.
+    /// Converts to an [`Error`] about the file `path`.
     pub fn into_error(self, path: &Path) -> Error {
         let ContentError { line, byte, what } = self;
         Error::Parse { path: path.to_path_buf(), line, byte, what }
     }
 }
 
-/// The start of `text`, quoted and escaped for a message.
+/// Returns the start of `text`, quoted and escaped for a message.
 pub(crate) fn quote_start(text: &str) -> String {
     const LONGEST: usize = 40;
     match text.char_indices().nth(LONGEST) {
@@ -53,7 +53,7 @@ pub(crate) fn quote_start(text: &str) -> String {
     }
 }
 
-/// The beginning of a message of another crate, which may repeat all that is in a file.
+/// Returns the start of a message of another crate, which may repeat the whole file.
 pub(crate) fn truncate_message(said: &str) -> String {
     const LONGEST: usize = 200;
     match said.char_indices().nth(LONGEST) {
@@ -62,8 +62,8 @@ pub(crate) fn truncate_message(said: &str) -> String {
     }
 }
 
-/// Checks what a header says against the bytes that are there, before anything is
-/// allocated: `count` rows, each of at least `smallest` bytes, in `left` bytes.
+/// Checks the size in a header against the bytes present, before any allocation: `count` rows, each
+/// of at least `smallest` bytes, in `left` bytes.
 pub(super) fn check_claim(
     what: &str,
     count: u64,

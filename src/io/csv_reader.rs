@@ -1,4 +1,4 @@
-//! Tables in CSV, read row by row by the names of their columns.
+//! CSV tables, read row by row with columns found by name.
 
 use std::collections::HashMap;
 use std::io::{self, BufRead, BufReader};
@@ -9,29 +9,29 @@ use csv_core::ReadRecordResult;
 use super::limited_file::{LimitedFile, MAX_RECORD_BYTES, MemoryBudget, mebibytes, too_large};
 use crate::error::{Error, Result};
 
-/// Most columns of a table. Chosen by hand, far above what programs write.
+/// Most columns of a table. Chosen by hand, far above the number that programs write.
 const COLUMNS: usize = 1 << 20;
 
-/// A table whose rows come one after the other; lines that begin with `#` are comments.
+/// A table read row by row; lines that begin with `#` are comments.
 pub(crate) struct CsvReader {
     path: PathBuf,
     reader: BufReader<LimitedFile>,
     parser: csv_core::Reader,
-    /// Names of the columns, and which columns they are; the first of a name counts.
+    /// The column of each name; the first column of a repeated name counts.
     columns: HashMap<String, usize>,
     width: usize,
-    /// The current row: its cells one after the other, UTF-8, and where each ends. Both have
-    /// room behind that is not of the row.
+    /// The cells of the current row, concatenated, in UTF-8, and the end of each. Both buffers are
+    /// longer than the row.
     text: Vec<u8>,
     ends: Vec<usize>,
-    /// Number of its cells.
+    /// Number of cells in the current row.
     cells: usize,
     line: usize,
     budget: MemoryBudget,
 }
 
 impl CsvReader {
-    /// Opens a table and reads the names of its columns.
+    /// Opens a table and reads its column names.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Parse`] for a header that is not text.
@@ -59,10 +59,10 @@ impl CsvReader {
         Ok(sheet)
     }
 
-    /// Goes on to the next row; `false` where there is none.
+    /// Reads the next row; `false` at the end.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parse`] for a row of another number of cells than the header has.
+    /// [`Error::Io`]; [`Error::Parse`] for a row whose number of cells differs from the header's.
     pub(crate) fn next(&mut self) -> Result<bool> {
         if !self.record()? {
             return Ok(false);
@@ -74,46 +74,46 @@ impl CsvReader {
         Ok(true)
     }
 
-    /// The column of that name.
+    /// Returns the column of that name.
     ///
     /// # Errors
-    /// [`Error::Parse`] where there is none.
+    /// [`Error::Parse`] if there is none.
     pub(crate) fn column(&self, name: &str) -> Result<usize> {
         let missing =
             || Error::parse(&self.path, Some(1), format!("no column {name} in the header"));
         self.columns.get(name).copied().ok_or_else(missing)
     }
 
-    /// The cell of the current row in a column, without blanks around it.
+    /// Returns the trimmed cell of the current row in a column.
     pub(crate) fn cell(&self, column: usize) -> &str {
         let from = column.checked_sub(1).map_or(0, |before| self.ends[before]);
         std::str::from_utf8(&self.text[from..self.ends[column]]).unwrap_or_default().trim()
     }
 
-    /// The cell in the column of that name, if there is one.
+    /// Returns the cell in the column of that name, if there is one.
     pub(crate) fn find(&self, name: &str) -> Option<&str> {
         self.columns.get(name).map(|&column| self.cell(column))
     }
 
-    /// The line that the current row begins in.
+    /// Returns the first line of the current row.
     pub(crate) fn line(&self) -> usize {
         self.line
     }
 
-    /// An error in the current row.
+    /// Creates an error in the current row.
     pub(crate) fn parse_error(&self, what: impl Into<String>) -> Error {
         Error::parse(&self.path, Some(self.line), what)
     }
 
-    /// Counts memory that is taken for the current row.
+    /// Counts memory taken for the current row.
     ///
     /// # Errors
-    /// [`Error::Parse`] where the table takes more than its size allows.
+    /// [`Error::Parse`] if the table takes more than its size allows.
     pub(crate) fn reserve_memory(&mut self, bytes: usize) -> Result<()> {
         self.budget.reserve(bytes).map_err(|what| Error::parse(&self.path, None, what))
     }
 
-    /// Reads the next record, of whatever width.
+    /// Reads the next record, of any width.
     fn record(&mut self) -> Result<bool> {
         let failed = |error| Error::io(&self.path, error);
         let (mut length, mut cells) = (0, 0);

@@ -1,39 +1,39 @@
-//! In what a file and a cloud differ: what is left out, and what is changed.
+//! Differences between a file and a cloud: omissions and changes.
 
 use std::fmt;
 
-/// In what a file and the cloud that it is read into, or that is written to it, differ.
+/// The differences between a file and the cloud that is read from it or written to it.
 ///
-/// As text it is one line, which says the first few of each: `left out: 69451 faces, 2 comments;
+/// The text form is one line with the first few of each: `left out: 69451 faces, 2 comments;
 /// changed: a.b is called a_b`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Differences {
-    /// Nouns: what one has and the other does not.
+    /// Nouns: contents of the input that the output lacks.
     pub left_out: Vec<String>,
-    /// Clauses: what the other has in another way.
+    /// Clauses: contents that the output has in another form.
     pub changed: Vec<String>,
 }
 
 impl Differences {
-    /// Whether one has all that the other has.
+    /// Returns whether nothing is left out or changed.
     pub fn is_empty(&self) -> bool {
         self.left_out.is_empty() && self.changed.is_empty()
     }
 
-    /// These, then `others`.
+    /// Appends `others`.
     pub fn merge(mut self, others: Differences) -> Differences {
         self.left_out.extend(others.left_out);
         self.changed.extend(others.changed);
         self
     }
 
-    /// Adds something that is left out.
+    /// Adds an omission.
     pub(super) fn leave_out(&mut self, what: impl Into<String>) {
         self.left_out.push(what.into());
     }
 
-    /// Adds `count` things that are left out, if there are any; `one` is a singular.
+    /// Adds `count` omissions, if there are any; `one` is the singular.
     pub(super) fn leave_out_all(&mut self, count: usize, one: &str) {
         match count {
             0 => {}
@@ -42,12 +42,12 @@ impl Differences {
         }
     }
 
-    /// Adds something that is changed.
+    /// Adds a change.
     pub(super) fn change(&mut self, what: impl Into<String>) {
         self.changed.push(what.into());
     }
 
-    /// Adds a name that is changed.
+    /// Adds a renamed column or channel.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         let from =
             if from.is_empty() { "a column without a name".into() } else { truncate_name(from) };
@@ -76,7 +76,7 @@ impl fmt::Display for Differences {
     }
 }
 
-/// A name as it fits into a line: without control characters, its start where it is long.
+/// Formats a name for one line: without control characters, cut if it is long.
 pub(super) fn truncate_name(name: &str) -> String {
     const LONGEST: usize = 40;
     let plain = |c: char| if c.is_control() { '?' } else { c };

@@ -1,4 +1,4 @@
-//! Which format a file has.
+//! Formats of cloud files.
 
 use std::path::Path;
 
@@ -11,16 +11,16 @@ pub enum Format {
     Ply,
     /// PCL's PCD: ascii, binary or compressed.
     Pcd,
-    /// Rows of numbers: .xyz, .txt, .csv and their kin.
+    /// Rows of numbers: .xyz, .txt, .csv and similar.
     Text,
 }
 
-/// How far into a file one has to look to know its format, bytes.
+/// Bytes at the start of a file that are searched for its format. Chosen by hand.
 const DETECTION_BYTES: usize = 4096;
 
 impl Format {
-    /// The format of the file `path` that begins with `content`: what the content
-    /// says, else what the extension says, else text if there is no zero byte.
+    /// Detects the format of the file `path` that begins with `content`: by content, else by
+    /// extension, else text if there is no zero byte.
     ///
     /// ```
     /// use cfreg::io::Format;
@@ -33,7 +33,7 @@ impl Format {
         Self::from_content(glance).or_else(|| Self::from_extension(path)).or(textual)
     }
 
-    /// The format that goes with the extension of `path`, in any case.
+    /// Returns the format of the extension of `path`, in any case.
     pub fn from_extension(path: &Path) -> Option<Format> {
         match extension(path).as_str() {
             "ply" => Some(Format::Ply),
@@ -56,7 +56,7 @@ impl Format {
     }
 }
 
-/// The extension of `path` in lower case, empty if there is none.
+/// Returns the extension of `path` in lower case, empty if there is none.
 pub(super) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }

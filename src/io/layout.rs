@@ -1,5 +1,5 @@
-//! The layout of a file that a cloud is written to: coordinates, then what its points have beside, as each format
-//! holds it.
+//! The layout of an output file: coordinates, then the other fields of the points, as each format
+//! stores them.
 
 use std::io::{self, Write};
 
@@ -8,39 +8,40 @@ use super::differences::{Differences, truncate_name};
 use super::names::{UniqueNames, sanitize_name};
 use crate::cloud::{Channels, ColorDepth, PointCloud};
 
-/// The fields beside positions and normals that a cloud is written with.
+/// The fields other than positions and normals that are written for a cloud.
 #[derive(Default)]
 pub(super) struct FieldLayout<'a> {
     pub fields: Vec<Field<'a>>,
-    /// In what they differ from what the cloud has.
+    /// Differences between the fields and the cloud's data.
     pub differences: Differences,
 }
 
-/// A field beside positions and normals.
+/// A field other than positions and normals.
 pub(super) struct Field<'a> {
     pub name: String,
     pub stored: FieldData<'a>,
 }
 
-/// How the values of a field are stored.
+/// The storage of a field's values.
 #[derive(Clone, Copy)]
 pub(super) enum FieldData<'a> {
     Float(&'a [f32]),
-    /// As f64, where a float of that name would be taken for something else.
+    /// As f64, because a float of that name would be read as something else.
     Double(&'a [f32]),
     /// A colour, from 0 to 1, as a whole number.
     Level(ColorDepth, &'a [f32]),
-    /// Red, green and blue in one byte each of a number, and opacity if there is any.
+    /// Red, green and blue in one byte each of a number, and opacity if present.
     Packed([&'a [f32]; 3], Option<&'a [f32]>),
 }
 
-/// Whether the coordinates of `cloud` are f32, and lose nothing when written so.
+/// Returns whether the coordinates of `cloud` are f32, so that f32 output loses nothing.
 pub(super) fn is_single(cloud: &PointCloud) -> bool {
     cloud.origin() == [0.0; 3]
 }
 
 impl<'a> FieldLayout<'a> {
-    /// As PLY has it: colours in bytes, or in two each; names are letters, digits, _ and -.
+    /// Creates the layout of PLY: colours in one byte or two each; names are letters, digits, _ and
+    /// -.
     pub fn ply(cloud: &'a PointCloud) -> Self {
         let stored = |name: &str, values| match cloud.channels().color_depth(name) {
             Some(depth) => FieldData::Level(depth, values),
@@ -56,13 +57,14 @@ impl<'a> FieldLayout<'a> {
         layout
     }
 
-    /// As PCD has it: colours packed into one number; names are ASCII without spaces, but not _.
+    /// Creates the layout of PCD: colours packed into one number; names are ASCII without spaces,
+    /// but not _.
     pub fn pcd(cloud: &'a PointCloud) -> Self {
         let channels = cloud.channels();
         let of_color = |name| channels.color_depth(name).and_then(|_| channels.get(name));
         let colors = || Some([of_color("red")?, of_color("green")?, of_color("blue")?]);
         let packed = colors().map(|colors| FieldData::Packed(colors, of_color("alpha")));
-        // Its name is not for another field.
+        // No other field may have its name.
         let (taken, is_packed): (&[&str], _) = match packed {
             Some(FieldData::Packed(_, Some(_))) => (&["rgba"], [true; 4]),
             Some(_) => (&["rgb"], [true, true, true, false]),
@@ -76,7 +78,7 @@ impl<'a> FieldLayout<'a> {
         let stored = |_: &str, values| FieldData::Float(values);
         let mut layout = FieldLayout::new(cloud, taken, spell, stored);
         for field in &mut layout.fields {
-            // Four bytes of that name are colours.
+            // PCD readers take four bytes of that name as colours.
             if let ("rgb" | "rgba", FieldData::Float(values)) =
                 (field.name.to_ascii_lowercase().as_str(), field.stored)
             {
@@ -107,8 +109,8 @@ impl<'a> FieldLayout<'a> {
         layout
     }
 
-    /// As text has it: whole numbers for colours that are known by them; where names are a line
-    /// of their own (`bare`), none begins with a digit.
+    /// Creates the layout of text: whole numbers for colours if they are recognised by them; in a
+    /// header line of names alone (`bare`), no name begins with a digit.
     pub fn text(cloud: &'a PointCloud, bare: bool) -> Self {
         let whole = integer_color_depth(cloud.channels());
         let stored = |name: &str, values| match cloud.channels().color_depth(name) {
@@ -130,7 +132,7 @@ impl<'a> FieldLayout<'a> {
         layout
     }
 
-    /// Weights, then channels, under names that `spell` makes and none of which is `taken`.
+    /// Creates the layout of weights, then channels. The names come from `spell`; none is `taken`.
     fn new(
         cloud: &'a PointCloud,
         taken: &[&str],
@@ -145,7 +147,7 @@ impl<'a> FieldLayout<'a> {
         for name in Channels::RESERVED_NAMES.iter().chain(taken) {
             names.make_unique((*name).into());
         }
-        // Those that stay go first: what is changed makes way for them.
+        // Unchanged names go first: changed names avoid them.
         let name = |name| {
             let name = spell(name);
             if Channels::is_name(&name) { name } else { format!("_{name}") }
@@ -166,7 +168,7 @@ impl<'a> FieldLayout<'a> {
         layout
     }
 
-    /// Notes that a colour is written as a number.
+    /// Records that a colour is written as a number.
     fn note_color_as_number(&mut self, name: &str) {
         self.differences
             .change(format!("{} is a number from 0 to 1, no colour", truncate_name(name)));
@@ -181,13 +183,13 @@ impl<'a> FieldLayout<'a> {
     }
 }
 
-/// The depth of red, green and blue, where whole numbers of text would be read as such.
+/// Returns the depth of red, green and blue, if whole numbers in text are read back at that depth.
 fn integer_color_depth(channels: &Channels) -> Option<ColorDepth> {
     let depth = channels.color_depth("red")?;
     let rest = ["green", "blue"].map(|name| channels.color_depth(name));
     let names = &COLORS[..3];
     let mut values = names.iter().filter_map(|name| channels.get(name)).flatten();
-    // Colours of 16 bits that use but 8 of them would be read as such.
+    // 16-bit colours that use only 8 bits would be read as 8-bit.
     let used = depth == ColorDepth::Eight || values.any(|&value| depth.level(value) > 255);
     (rest == [Some(depth); 2] && used).then_some(depth)
 }
@@ -215,14 +217,14 @@ impl Field<'_> {
         match self.stored {
             FieldData::Level(depth, values) => write!(out, "{}", depth.level(values[i])),
             FieldData::Float(values) | FieldData::Double(values) => write!(out, "{:?}", values[i]),
-            // No text has any.
+            // Text layouts have no packed fields.
             FieldData::Packed([red, ..], _) => write!(out, "{:?}", red[i]),
         }
     }
 }
 
-/// Writes the rows in binary, little endian: x, y, z as f32 or f64 as
-/// [`is_single`] says, then the normal, as f32, if the cloud has normals, and the fields.
+/// Writes the rows in binary, little endian: x, y, z as f32 if [`is_single`], else f64; then the
+/// normal, as f32, if the cloud has normals, and the fields.
 pub(super) fn write_binary(
     out: &mut dyn Write,
     cloud: &PointCloud,

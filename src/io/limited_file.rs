@@ -1,8 +1,8 @@
-//! How much of a file is read, and how much memory what is in it may take.
+//! Limits on the bytes read from a file and on the memory for its content.
 //!
-//! Lists, tables and JSON may be of any length, come from a pipe, or be something else by
-//! mistake. A stream is read up to [`MAX_STREAM_BYTES`] bytes, one record up to [`MAX_RECORD_BYTES`], and what is made
-//! of a file may take [`MEMORY_FACTOR`] times its size and [`BASE_MEMORY`] bytes.
+//! Lists, tables and JSON may have any length, come from a pipe, or be the wrong file. A stream is
+//! read up to [`MAX_STREAM_BYTES`] bytes and one record up to [`MAX_RECORD_BYTES`]. The content of
+//! a file may take [`MEMORY_FACTOR`] times its size plus [`BASE_MEMORY`] bytes.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, ErrorKind, Read};
@@ -11,8 +11,8 @@ use std::path::Path;
 use super::content_error::ContentError;
 use crate::error::{Error, Result};
 
-/// Most bytes of what has no size: a pipe or a device. Chosen by hand: a list of half a million
-/// pairs is shorter.
+/// Most bytes of an input without a size: a pipe or a device. Chosen by hand: a list of half a
+/// million pairs is shorter.
 pub(crate) const MAX_STREAM_BYTES: u64 = 64 << 20;
 /// Most bytes of one row or line. Chosen by hand: a header of 70,000 columns is 1 MB.
 pub(crate) const MAX_RECORD_BYTES: usize = 16 << 20;
@@ -20,17 +20,17 @@ pub(crate) const MAX_RECORD_BYTES: usize = 16 << 20;
 /// kilobytes, with a trace some megabytes.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
-/// Bytes of memory for each byte of a file. Chosen by hand, as clouds have it.
+/// Bytes of memory for each byte of a file. Chosen by hand, the same factor as for clouds.
 const MEMORY_FACTOR: u64 = 10;
-/// Bytes of memory beside those. Chosen by hand: rows that only say why there is no answer are
-/// short as Parquet, and this has room for a quarter of a million of them.
+/// Additional bytes of memory. Chosen by hand: rows that contain only an error are short in
+/// Parquet, and a quarter of a million of them fit.
 const BASE_MEMORY: u64 = 256 << 20;
 
-/// An open file: a regular one, or a stream of which no more than [`MAX_STREAM_BYTES`] bytes are read.
+/// An open file: a regular one, or a stream of which at most [`MAX_STREAM_BYTES`] bytes are read.
 #[derive(Debug)]
 pub(crate) struct LimitedFile {
     file: File,
-    /// Bytes that may still be read of a stream; `None` for a regular file.
+    /// Bytes that may still be read from a stream; `None` for a regular file.
     left: Option<u64>,
     size: u64,
 }
@@ -39,7 +39,7 @@ impl LimitedFile {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`Error::Io`], for a folder too.
+    /// [`Error::Io`], also for a folder.
     pub(crate) fn open(path: &Path) -> Result<LimitedFile> {
         let failed = |error| Error::io(path, error);
         let facts = fs::metadata(path).map_err(failed)?;
@@ -52,7 +52,7 @@ impl LimitedFile {
         Ok(LimitedFile { file, left: (!regular).then_some(MAX_STREAM_BYTES), size })
     }
 
-    /// The memory that may be taken for the file.
+    /// Returns the memory budget of the file.
     pub(crate) fn budget(&self) -> MemoryBudget {
         MemoryBudget::new(self.size)
     }
@@ -62,7 +62,7 @@ impl Read for LimitedFile {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let Some(left) = self.left else { return self.file.read(buffer) };
         if left == 0 {
-            // One byte more than there may be.
+            // One byte beyond the limit.
             return match self.file.read(&mut [0])? {
                 0 => Ok(0),
                 _ => Err(too_large(format!(
@@ -78,7 +78,7 @@ impl Read for LimitedFile {
     }
 }
 
-/// The bytes of a file that has at most `most` of them, as `what` has.
+/// Reads a file of at most `most` bytes; `what` names its content in errors.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Parse`] for a larger file.
@@ -94,10 +94,10 @@ pub(crate) fn read_bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> 
     Ok(content)
 }
 
-/// The text of a file that has at most `most` bytes, as `what` has.
+/// Reads a text file of at most `most` bytes; `what` names its content in errors.
 ///
 /// # Errors
-/// As [`bytes`], and [`Error::Parse`] for what is not UTF-8.
+/// As [`bytes`], and [`Error::Parse`] for text that is not UTF-8.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
     String::from_utf8(read_bytes(path, most, what)?).map_err(|error| {
@@ -106,10 +106,10 @@ pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
     })
 }
 
-/// Reads the next line, its end included, into `line`; whether there was one.
+/// Reads the next line, including its end, into `line`; returns whether there was one.
 ///
 /// # Errors
-/// Those of reading, and for a line of more than [`MAX_RECORD_BYTES`] bytes.
+/// Read errors, and a line of more than [`MAX_RECORD_BYTES`] bytes.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();
@@ -127,16 +127,17 @@ pub(super) fn too_large(what: String) -> io::Error {
     io::Error::new(ErrorKind::FileTooLarge, what)
 }
 
-/// A number of bytes as messages have it.
+/// Formats a number of bytes for messages.
 pub(crate) fn mebibytes(bytes: u64) -> String {
     format!("{} MiB", bytes >> 20)
 }
 
-/// How many times its size a list takes that grows: it doubles, and while it moves both are there.
+/// Peak memory of a growing list, relative to its size: capacity doubles, and both copies exist
+/// during the move.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) const GROWTH_FACTOR: usize = 3;
 
-/// The memory that what is made of a file may take.
+/// The memory budget for the content of a file.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MemoryBudget {
     most: u64,
@@ -144,16 +145,16 @@ pub(crate) struct MemoryBudget {
 }
 
 impl MemoryBudget {
-    /// For a file of that many bytes.
+    /// Creates the budget for a file of that many bytes.
     pub(crate) fn new(size: u64) -> MemoryBudget {
         let most = size.saturating_mul(MEMORY_FACTOR).saturating_add(BASE_MEMORY);
         MemoryBudget { most, left: most }
     }
 
-    /// Takes so many bytes of it.
+    /// Takes bytes from the budget.
     ///
     /// # Errors
-    /// When there are not that many.
+    /// When fewer are left.
     pub(crate) fn reserve(&mut self, bytes: usize) -> Result<(), String> {
         self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| {
             let most = mebibytes(self.most);

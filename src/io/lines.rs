@@ -2,10 +2,10 @@
 
 use super::content_error::ContentError;
 
-/// The lines that are not blank, trimmed, with their number from 1.
+/// Iterates over the trimmed lines that are not blank, with their number from 1.
 ///
-/// Lines end at `\n`, `\r\n` or `\r`: were `\r` not an ending, a file with such
-/// lines would read as one long first line.
+/// Lines end at `\n`, `\r\n` or `\r`: if `\r` were not an ending, a file with `\r` endings would be
+/// one long line.
 #[derive(Debug)]
 pub(super) struct Lines<'a> {
     content: &'a [u8],
@@ -14,17 +14,17 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// The lines of `content` from byte `at` on, `before` lines into the file.
+    /// Iterates over the lines of `content` from byte `at` on, after `before` lines of the file.
     pub fn new(content: &'a [u8], at: usize, before: usize) -> Self {
         Lines { content, at, number: before }
     }
 
-    /// The bytes not read yet.
+    /// Returns the bytes not read yet.
     pub fn rest(&self) -> &'a [u8] {
         self.content.get(self.at..).unwrap_or_default()
     }
 
-    /// The number of the line read last.
+    /// Returns the number of the last line read.
     pub fn number(&self) -> usize {
         self.number
     }
@@ -57,8 +57,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// The number that `word` spells: anything Rust reads, `nan` and `inf` among
-/// them, and the NaNs of other C libraries, `-nan(ind)` and `1.#QNAN`.
+/// Parses the number in `word`: anything Rust reads, including `nan` and `inf`, and the NaNs of
+/// other C libraries, `-nan(ind)` and `1.#QNAN`.
 pub(super) fn number(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| {
         let bare = word.trim_start_matches(['+', '-']);

@@ -1,4 +1,4 @@
-//! The bytes of a file.
+//! Reading of whole files.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
@@ -7,17 +7,17 @@ use std::path::Path;
 use super::content_error::ContentError;
 use crate::error::{Error, Result};
 
-/// Most bytes that are read from a pipe, whose length nobody knows before its end: 256 MiB, or 16
-/// million points of single precision. Chosen by hand.
+/// Most bytes read from a pipe, whose length is unknown before its end: 256 MiB, or 16 million
+/// points of single precision. Chosen by hand.
 pub const MAX_PIPE_BYTES: u64 = 256 << 20;
 
-/// The bytes of a file, or of a pipe, that is there and not empty.
+/// Reads a file or a pipe that is not empty.
 ///
-/// No devices: they have no end that a header could be weighed against. A file that grows while
-/// it is read is read as far as a pipe.
+/// Devices are refused: they have no end to check a header against. A file that grows during the
+/// read is read up to the limit of a pipe.
 pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
     let refuse = |source| Error::io(path, source);
-    // Before it is opened, which waits where nobody writes to a pipe.
+    // Before opening, which blocks on a pipe without a writer.
     let kind = std::fs::metadata(path).map_err(refuse)?;
     if !kind.is_file() && !is_pipe(&kind) {
         let what =
@@ -27,7 +27,7 @@ pub(super) fn load(path: &Path) -> Result<Vec<u8>> {
     let mut file = File::open(path).map_err(refuse)?;
     let limit = kind.len().max(MAX_PIPE_BYTES);
     let mut content = Vec::new();
-    // All of a file at once; of a pipe as much again as there is, but never beyond the limit.
+    // A file is read at once; a pipe doubles the buffer up to the limit.
     let mut room = (kind.len() + 1).max(1 << 16);
     loop {
         let more = usize::try_from(room).unwrap_or(usize::MAX);

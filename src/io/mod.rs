@@ -1,15 +1,15 @@
 //! Clouds and poses in files.
 //!
-//! [`read`] takes PLY, PCD and text, told apart by content, [`read_mesh`] the faces of PLY
-//! too; [`write()`] goes by the extension. Points with a NaN or infinite coordinate are left out
+//! [`read`] takes PLY, PCD and text, detected by content; [`read_mesh`] also takes the faces of
+//! PLY; [`write()`] goes by the extension. Points with a NaN or infinite coordinate are left out
 //! and counted by [`PointCloud::dropped`]; a finite one beyond 1e75 is an error.
 //!
-//! A column called `weight` has the weights of the points; every other scalar becomes a channel
-//! ([`PointCloud::channels`]) as it is, rounded to f32. Colours do from 0 to 1, and files get whole
-//! numbers again: `red`, `green`, `blue` and `alpha` in one byte or two of PLY, packed into `rgb`
-//! or `rgba` of PCD, and as whole numbers in text, where all of red, green and blue are. A column
-//! with anything that is not a finite number at a point that is there is skipped, as lists and
-//! faces are; [`read_with_differences`] says so.
+//! A column called `weight` holds the weights of the points; every other scalar becomes a channel
+//! ([`PointCloud::channels`]) unchanged, rounded to f32. Colours become values from 0 to 1 and are
+//! written as whole numbers: `red`, `green`, `blue` and `alpha` in one byte or two of PLY, packed
+//! into `rgb` or `rgba` of PCD, and as whole numbers in text, if red, green and blue are all
+//! present. A column with a non-finite number at a point that is kept is skipped, as are lists and
+//! faces; [`read_with_differences`] reports skipped data.
 //!
 //! | | holds | changes |
 //! |---|---|---|
@@ -17,15 +17,14 @@
 //! | PCD | viewpoints, colours of 8 bits | names but ASCII; no viewpoint at 0 0 0 |
 //! | text | colours where red, green and blue are of one depth | no viewpoint; .csv: no digit first |
 //!
-//! No cloud has what else a file may hold: faces and other elements, lists, comments, the grid of
-//! an organised PCD. [`differences()`] says what [`write()`] leaves out or changes.
+//! Clouds have no other contents of a file: faces and other elements, lists, comments, the grid of
+//! an organised PCD. [`differences()`] lists the data that [`write()`] leaves out or changes.
 //!
-//! A file is not believed: a count or size in a header is weighed against the bytes that
-//! are there before memory is taken for it, and whatever is wrong is an
-//! [`Error::Parse`] with its line or byte. Memory is at most about ten times the file; a
-//! compressed PCD that unpacks to more than that and 64 MiB is refused. Time grows with the file.
-//! A header, or a line of names, has at most 1 MiB. Pipes are read up to
-//! [`MAX_PIPE_BYTES`] bytes; devices are not.
+//! Headers are not trusted: a count or size in a header is checked against the bytes present before
+//! memory is taken, and any error is an [`Error::Parse`] with its line or byte. Memory is at most
+//! about ten times the file; a compressed PCD that unpacks to more than that and 64 MiB is refused.
+//! Time grows with the file. A header, or a line of names, has at most 1 MiB. Pipes are read up to
+//! [`MAX_PIPE_BYTES`] bytes; devices are not read.
 
 mod columns;
 mod content_error;
@@ -68,14 +67,13 @@ pub(crate) use {
 
 /// Reads a cloud, in the unit and frame of the file.
 ///
-/// Text is one point a line, separated by spaces, tabs, commas or semicolons, with
-/// comments after `#` or `//`. A line of column names (x, y, z, nx or normal_x, ...)
-/// says where things are; without it the first three columns are the position and,
-/// in .xyzn, the next three the normal.
+/// Text is one point a line, separated by spaces, tabs, commas or semicolons, with comments after
+/// `#` or `//`. A line of column names (x, y, z, nx or normal_x, ...) gives the order of columns.
+/// Without it the first three columns are the position and, in .xyzn, the next three the normal.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not what
-/// it claims to be or its coordinates span too much for [`PointCloud::new`].
+/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when its content is invalid or its
+/// coordinates span too much for [`PointCloud::new`].
 ///
 /// ```no_run
 /// let cloud = cfreg::io::read("bun000.ply")?;
@@ -86,8 +84,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
     Ok(read_with_differences(path)?.0)
 }
 
-/// The same, and what the cloud does not have of the file, or has in another way: faces,
-/// comments, columns that are not numbers, names that are no names of channels.
+/// Reads a cloud and the differences from the file: omitted or changed faces, comments, columns
+/// that are not numbers, names that are not valid channel names.
 ///
 /// # Errors
 /// Those of [`read`].
@@ -105,18 +103,18 @@ pub fn read_with_differences(path: impl AsRef<Path>) -> Result<(PointCloud, Diff
     };
     let table = table.map_err(|fault| fault.into_error(path))?;
     drop(content);
-    // What is wrong with the coordinates together has no line, but it has a file.
+    // An error of all coordinates together has a file but no line.
     table.into_cloud().map_err(|error| ContentError::new(error.to_string()).into_error(path))
 }
 
-/// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more
-/// than three corners become fans of triangles; a range grid, in which the Stanford scans
-/// come, becomes triangles between neighbours, steps of depth included (see
+/// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more than
+/// three corners become fans of triangles. A range grid, as in the Stanford scans, becomes
+/// triangles between neighbours, including those across depth steps (see
 /// [`Mesh::without_long_edges`]).
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has
-/// neither faces nor a range grid, or names or uses a vertex that is not there or not finite.
+/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has neither
+/// faces nor a range grid, or refers to a vertex that is missing or not finite.
 ///
 /// ```no_run
 /// let cloud = cfreg::io::read_mesh("bun_zipper.ply")?.sample(500, 0)?;
@@ -139,25 +137,25 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
     Ok(Mesh { vertices, faces })
 }
 
-/// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with
-/// spaces, `.csv` with commas. An existing file is replaced, once all is written.
+/// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with spaces, `.csv` with
+/// commas. An existing file is replaced only once all is written.
 ///
-/// Coordinates are written as f32 when the cloud's [`origin`](PointCloud::origin) is zero and as
-/// f64 otherwise, in text with the fewest digits that tell it from its neighbours: either way the
-/// file has every [`position`](PointCloud::position) to the last bit. [`read`] then holds them in
-/// f32 about the origin of their own box. Positions come back exactly where both origins are zero,
-/// as for clouds around the zero of their frame; elsewhere within 4e-7 of the longest side of the
-/// box and one unit in the last place of what the file has.
+/// Coordinates are f32 when the cloud's [`origin`](PointCloud::origin) is zero and f64 otherwise,
+/// in text with the fewest digits that distinguish neighbouring values. Either way the file has
+/// every [`position`](PointCloud::position) to the last bit. [`read`] then stores positions in f32
+/// about the origin of their own box. They come back exactly if both origins are zero, as for
+/// clouds around the zero of their frame; otherwise within 4e-7 of the longest side of the box and
+/// one unit in the last place of the file's value.
 ///
-/// Normals are written when there are any, and so are weights and channels, as f32; they come
-/// back to the last bit, but normals to unit length again (2e-7). Colours are whole numbers
-/// ([`Channels::with_color`](crate::Channels::with_color)), rounded. PCD alone keeps the
-/// viewpoint, and there zero stands for "not known". The count of dropped points is not kept.
-/// [`differences()`] says what is left out, and which names are changed.
+/// Normals, weights and channels are written if present, as f32. They come back to the last bit,
+/// but normals are normalised again (2e-7). Colours are rounded whole numbers
+/// ([`Channels::with_color`](crate::Channels::with_color)). PCD alone keeps the viewpoint, and its
+/// zero means "not known". The count of dropped points is not kept. [`differences()`] lists
+/// omissions and changed names.
 ///
 /// # Errors
 /// [`Error::Config`] for another extension, and for more channels than a header of 1 MiB names;
-/// [`Error::Io`] when the system refuses. A file that was there before is then still as it was.
+/// [`Error::Io`] when the system refuses. An existing file is then unchanged.
 pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     let path = path.as_ref();
     let layout = layout(path, cloud)?;
@@ -169,8 +167,8 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     }
 }
 
-/// What [`write()`] to this path leaves out of a cloud, or changes: the viewpoint, names, colours
-/// that are rounded or become numbers.
+/// Returns the data of a cloud that [`write()`] to this path leaves out or changes: the viewpoint,
+/// names, colours that are rounded or become numbers.
 ///
 /// # Errors
 /// [`Error::Config`] as [`write()`].
@@ -178,10 +176,10 @@ pub fn differences(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<Differe
     Ok(layout(path.as_ref(), cloud)?.differences)
 }
 
-/// The layout of a file of that extension for a cloud.
+/// Creates the layout of a file of that extension for a cloud.
 fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<FieldLayout<'a>> {
-    // Beside its name, a field takes `property double ` and a line end of a PLY header, and as
-    // much as ` 4 F 1` of PCD.
+    // In addition to its name, a field takes `property double ` and a line end of a PLY header, and
+    // as much as ` 4 F 1` of PCD.
     let (layout, beside) = match format::extension(path).as_str() {
         "ply" => (FieldLayout::ply(cloud), 17),
         "pcd" => (FieldLayout::pcd(cloud), 7),
@@ -198,17 +196,17 @@ fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<FieldLayout<'a>> {
     Ok(layout)
 }
 
-/// Writes bytes to a file; one that was there before is replaced once all is written.
+/// Writes bytes to a file; an existing file is replaced once all is written.
 ///
 /// # Errors
-/// [`Error::Io`] when the system refuses; an old file is then still as it was.
+/// [`Error::Io`] when the system refuses; an existing file is then unchanged.
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(content))
 }
 
-/// Checks that [`write()`] knows the extension of `path`, before work is done whose result
-/// could then not be written.
+/// Checks that [`write()`] supports the extension of `path`, before long work whose result could
+/// not be written.
 ///
 /// # Errors
 /// [`Error::Config`] as [`write()`].
@@ -225,16 +223,16 @@ fn unknown_extension(path: &Path) -> Error {
     Error::config("path", path.display(), rule)
 }
 
-/// Writes a file beside `path`, then renames it to `path`: a full disk leaves the
-/// old file, or none, but never half of one.
+/// Writes a temporary file next to `path`, then renames it to `path`: a full disk leaves the old
+/// file, or none, but never half of one.
 fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<()> {
-    // Through a link, so that the link stays one.
+    // Resolves a link, so that the link remains.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {
-        // Something like /dev/stdout, which cannot be replaced; or a directory.
+        // A device such as /dev/stdout, which cannot be replaced; or a directory.
         File::create(&target).and_then(|file| fill_file(&file, fill))
     } else {
         outputs::create_temporary(&target).and_then(|beside| {

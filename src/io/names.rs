@@ -1,18 +1,18 @@
-//! Names of columns: what channels may be called, and what formats hold.
+//! Column names: valid channel names, and names that formats can hold.
 
 use std::collections::HashMap;
 
 use crate::cloud::Channels;
 
-/// Names that are taken, without regard to case.
+/// Names in use, case-insensitive.
 #[derive(Default)]
 pub(super) struct UniqueNames {
-    /// In lower case, with the number that is tried next behind the name.
+    /// In lower case, with the next number to try as a suffix.
     taken: HashMap<String, usize>,
 }
 
 impl UniqueNames {
-    /// Takes a name: `wanted` itself, or with the first number behind it that is free.
+    /// Returns `wanted`, or `wanted` with the first free number as a suffix, and marks it as used.
     pub fn make_unique(&mut self, wanted: String) -> String {
         let key = wanted.to_lowercase();
         let Some(&first) = self.taken.get(&key) else {
@@ -27,15 +27,15 @@ impl UniqueNames {
                 break next;
             }
         };
-        // The next one with that name need not try these again.
+        // The next name of this kind need not try these numbers again.
         self.taken.insert(key, number);
         self.taken.insert(free.to_lowercase(), 2);
         free
     }
 }
 
-/// The name of the channel that a column of this name becomes: what is no part of a name turns
-/// into `_`, and what then is none into the number of the column, from 1.
+/// Returns the channel name of a column: invalid characters become `_`; if no valid name results,
+/// the number of the column, from 1.
 pub(super) fn channel_name(name: &str, column: usize) -> String {
     if Channels::is_name(name) {
         return name.into();
@@ -44,7 +44,7 @@ pub(super) fn channel_name(name: &str, column: usize) -> String {
     if Channels::is_name(&spelled) { spelled } else { format!("column_{}", column + 1) }
 }
 
-/// `name` with one `_` for each stretch of characters that do not fit, none at its ends.
+/// Replaces each run of characters that do not fit by one `_` and removes it at the ends.
 pub(super) fn sanitize_name(name: &str, fits: impl Fn(char) -> bool) -> String {
     let mut spelled = String::new();
     for c in name.chars() {

@@ -1,4 +1,4 @@
-//! Files that are written: under another name until they are whole, and never over an input.
+//! Output files: written under a temporary name until complete, and never over an input.
 
 use std::fs;
 use std::io;
@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-/// A new file in the folder of `path`, under a name that nobody has. It is gone with its value,
-/// unless it is renamed to `path` by [`NamedTempFile::persist`].
+/// Creates a new file in the folder of `path`, under an unused name. The file is deleted on drop
+/// unless [`NamedTempFile::persist`] renames it to `path`.
 pub(crate) fn create_temporary(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".cfreg-").suffix(".tmp");
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // Less what the user's mask takes away, as for any new file.
+        // Minus the user's umask, as for any new file.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder(path))
@@ -24,8 +24,8 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
 
-/// The identity of a file, by whatever path and links it is reached: its device and its number there.
-/// One that is not there yet is its name in its folder.
+/// The identity of a file, independent of path and links: its device and inode number. A file that
+/// does not exist yet is identified by its name and its folder.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct FileIdentity(FileKey, Option<PathBuf>);
 
@@ -35,7 +35,7 @@ type FileKey = (u64, u64);
 type FileKey = PathBuf;
 
 impl FileIdentity {
-    /// `None` where not even the folder is there.
+    /// Returns `None` if the folder does not exist either.
     pub(crate) fn from_path(path: &Path) -> Option<FileIdentity> {
         match FileIdentity::file_key(path) {
             Some(place) => Some(FileIdentity(place, None)),

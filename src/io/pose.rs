@@ -10,14 +10,14 @@ use super::{limited_file, write_atomically};
 use crate::cloud::Transform;
 use crate::error::Result;
 
-/// Most bytes of a pose, the JSON of a registration included. Chosen by hand.
+/// Most bytes of a pose file, including the JSON of a registration. Chosen by hand.
 const MAX_POSE_BYTES: u64 = 4 << 20;
 
-/// Reads a pose: four lines of four numbers (spaces or commas between, comments after
-/// `#`), a JSON array of four rows, or a JSON object with such a field `transform`.
+/// Reads a pose: four lines of four numbers (spaces or commas between, comments after `#`), a JSON
+/// array of four rows, or a JSON object with such an array in its field `transform`.
 ///
 /// # Errors
-/// [`crate::Error::Io`] when the file cannot be read, [`crate::Error::Parse`] when it holds no 4×4
+/// [`crate::Error::Io`] when the file cannot be read, [`crate::Error::Parse`] when it has no 4×4
 /// matrix or one that [`Transform::from_matrix`] refuses.
 ///
 /// ```no_run
@@ -40,12 +40,10 @@ pub fn read_transform(path: impl AsRef<Path>) -> Result<Transform> {
     transform.map_err(|fault| fault.into_error(path))
 }
 
-/// Writes a pose as four lines of four numbers, with as many digits as it takes to
-/// read each back.
+/// Writes a pose as four lines of four numbers, with enough digits to read each back exactly.
 ///
 /// # Errors
-/// [`crate::Error::Io`] when the system refuses; a file that was there before is then still
-/// as it was.
+/// [`crate::Error::Io`] when the system refuses; an existing file is then unchanged.
 pub fn write_transform(path: impl AsRef<Path>, transform: &Transform) -> Result<()> {
     write_atomically(path.as_ref(), |out| {
         let rows = transform.matrix();
@@ -55,7 +53,7 @@ pub fn write_transform(path: impl AsRef<Path>, transform: &Transform) -> Result<
 
 type Matrix = [[f64; 4]; 4];
 
-/// What a pose looks like in JSON.
+/// The JSON forms of a pose.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Document {
@@ -64,7 +62,7 @@ enum Document {
 }
 
 fn parse_json(content: &[u8]) -> Result<Matrix, ContentError> {
-    // In two steps, because an untagged enum forgets the line of a syntax error.
+    // In two steps, because an untagged enum loses the line of a syntax error.
     let value: serde_json::Value = serde_json::from_slice(content)
         .map_err(|error| ContentError::line(error.line(), format!("is not JSON: {error}")))?;
     match serde_json::from_value(value) {

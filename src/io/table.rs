@@ -1,7 +1,7 @@
-//! What a file holds: rows of numbers, of which a cloud is made.
+//! The content of a file: rows of numbers, from which a cloud is made.
 //!
-//! Rows that drop out take no room, and numbers as much as the cloud gives them, so that the
-//! whole stays within a few times the size of the file.
+//! Dropped rows take no memory, and numbers as much as in the cloud, so that the total is at most a
+//! few times the size of the file.
 
 use super::columns::{
     COLORS, ColumnKind, ColumnMap, ExtraColumn, Vertex, color, not_a_number_message,
@@ -11,48 +11,48 @@ use crate::cloud::{Channels, ColorDepth, PointCloud, find_too_large, normalize_n
 use crate::error::Result;
 use crate::math::Vec3;
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug)]
 pub(super) struct PointTable {
     places: TablePositions,
     normals: Option<Vec<[f32; 3]>>,
     columns: Vec<TableColumn>,
     viewpoint: Option<Vec3>,
-    /// Rows that were added, dropped or not.
+    /// Rows that were added, including dropped ones.
     rows: usize,
-    /// Rows that are there although they are not finite, for what refers to them by number.
+    /// Keeps rows that are not finite, because other elements refer to rows by number.
     keeps_non_finite: bool,
-    /// Colours in text that are not all whole numbers, a bit each.
+    /// Colours in text that are not all whole numbers, one bit each.
     decimal: u8,
     differences: Differences,
 }
 
-/// Coordinates, as fine as the file has them.
+/// Coordinates, in the precision of the file.
 #[derive(Debug)]
 enum TablePositions {
     Single(Vec<[f32; 3]>),
     Double(Vec<Vec3>),
 }
 
-/// A column beside positions and normals.
+/// A column other than positions and normals.
 #[derive(Debug)]
 struct TableColumn {
     name: String,
     kind: ColumnKind,
     numbers: Vec<f32>,
-    /// Instead of numbers, where colours are packed.
+    /// Packed colours, instead of numbers.
     bits: Vec<u32>,
-    /// How many there will be, about.
+    /// Expected number of values.
     capacity: usize,
-    /// The first row that is there and has no number.
+    /// The first kept row without a finite number.
     bad: Option<usize>,
     range: [f64; 2],
-    /// By how much a number differs from what the file has, at most.
+    /// Largest rounding error against the file.
     error: f64,
 }
 
 impl PointTable {
-    /// No row of these columns yet, room for `capacity`.
+    /// Creates an empty table of these columns with room for `capacity` rows.
     pub fn new(capacity: usize, columns: &ColumnMap) -> Self {
         let normals = columns.has_normals().then(|| Vec::with_capacity(capacity));
         PointTable {
@@ -71,7 +71,7 @@ impl PointTable {
         }
     }
 
-    /// The same for coordinates that f32 holds as they are.
+    /// Creates the same table for coordinates that are exact in f32.
     pub fn single_precision(capacity: usize, columns: &ColumnMap) -> Self {
         let mut table = PointTable::new(0, columns).with_column_capacity(capacity);
         table.places = TablePositions::Single(Vec::with_capacity(capacity));
@@ -79,14 +79,14 @@ impl PointTable {
         table
     }
 
-    /// The table with room for `capacity` numbers of each column beside positions and normals,
-    /// taken where there is a first one.
+    /// Sets the room to `capacity` numbers in each column other than positions and normals,
+    /// allocated with its first number.
     pub fn with_column_capacity(mut self, capacity: usize) -> Self {
         self.columns.iter_mut().for_each(|column| column.capacity = capacity);
         self
     }
 
-    /// Bytes that a point of these columns takes at most, while its cloud is made.
+    /// Returns the peak bytes per point of these columns while the cloud is made.
     pub fn point_size(columns: &ColumnMap, is_single: bool) -> usize {
         let place = if is_single { 12 } else { 24 };
         let normal = if columns.has_normals() { 12 } else { 0 };
@@ -94,29 +94,29 @@ impl PointTable {
             ColumnKind::Packed { alpha } | ColumnKind::PackedFloat { alpha } => {
                 16 + 4 * usize::from(alpha)
             }
-            // Once more in f64.
+            // A second copy in f64.
             _ if extra.name == "weight" => 12,
             _ => 4,
         };
         place + 12 + normal + columns.extras().iter().map(extra).sum::<usize>()
     }
 
-    /// The table with room for rows that are not finite.
+    /// Makes the table keep rows that are not finite.
     pub fn keep_non_finite(self) -> Self {
         PointTable { keeps_non_finite: true, ..self }
     }
 
-    /// The table as seen from `viewpoint`.
+    /// Sets the viewpoint.
     pub fn with_viewpoint(self, viewpoint: Option<Vec3>) -> Self {
         PointTable { viewpoint, ..self }
     }
 
-    /// The table, after what else a cloud does not have of the file.
+    /// Puts the `differences` of the other parts of the file before those of the table.
     pub fn with_differences(self, differences: Differences) -> Self {
         PointTable { differences: differences.merge(self.differences), ..self }
     }
 
-    /// Adds a row. The error names a coordinate that cannot be computed with.
+    /// Adds a row. The error names a coordinate that is too large to compute with.
     pub fn push(&mut self, vertex: &Vertex) -> std::result::Result<(), String> {
         let row = self.rows;
         self.rows += 1;
@@ -145,12 +145,12 @@ impl PointTable {
         Ok(())
     }
 
-    /// Number of rows that were added.
+    /// Returns the number of rows that were added.
     pub fn len(&self) -> usize {
         self.rows
     }
 
-    /// The positions alone.
+    /// Returns the positions alone.
     pub fn into_points(self) -> Vec<Vec3> {
         match self.places {
             TablePositions::Single(places) => {
@@ -160,9 +160,9 @@ impl PointTable {
         }
     }
 
-    /// The cloud of these rows: a column called weight has the weights of the points, others are
-    /// channels. One with a number that f32 does not hold at a point that does not drop out is
-    /// left out, as nobody may have asked for it, and noted.
+    /// Makes the cloud of these rows: a column called weight has the weights of the points, others
+    /// are channels. A column with a number that f32 does not hold at a kept point is left out,
+    /// because the user may not need it, and recorded in the differences.
     pub fn into_cloud(mut self) -> Result<(PointCloud, Differences)> {
         let depth = self.text_depth();
         let mut differences = std::mem::take(&mut self.differences);
@@ -180,7 +180,7 @@ impl PointTable {
                 channels = column.into_channels(channels, depth, &mut differences)?;
             }
         }
-        // The memory of the places is given back before anything else is made.
+        // Frees the memory of the positions before anything else is allocated.
         let cloud = match self.places {
             TablePositions::Single(places) => PointCloud::from_f32(&places),
             TablePositions::Double(places) => PointCloud::new(&places),
@@ -196,7 +196,7 @@ impl PointTable {
         Ok((cloud, differences))
     }
 
-    /// The depth of colours in text: those of columns red, green and blue of nothing but whole
+    /// Returns the colour depth in text: the columns red, green and blue must have only whole
     /// numbers up to 255, or up to 65535.
     fn text_depth(&self) -> Option<ColorDepth> {
         let most = |bit: usize| {
@@ -258,7 +258,7 @@ impl TableColumn {
         }
     }
 
-    /// Adds the channels that the column is: three or four of packed colours.
+    /// Adds the channels of the column: three or four for packed colours.
     fn into_channels(
         self,
         channels: Channels,
@@ -299,7 +299,7 @@ impl TableColumn {
             return Ok(channels);
         }
         self.numbers.shrink_to_fit();
-        // As far as numbers of a column differ from each other: chosen by hand.
+        // Relative to the range of the column's numbers: chosen by hand.
         if self.error > 1e-5 * (self.range[1] - self.range[0]) && self.range[1] > self.range[0] {
             let by = self.error;
             differences

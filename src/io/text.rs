@@ -10,14 +10,14 @@ use super::lines::{Lines, number};
 use super::table::PointTable;
 use crate::cloud::PointCloud;
 
-/// What some editors put before UTF-8 text.
+/// Byte order mark that some editors put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Reads one point a line; `default` says where, unless a line of names does.
+/// Reads one point a line, with the columns of `default` unless a line of names gives others.
 ///
-/// Before the first point there may be one line of names and, in .pts, one with the
-/// number of points. Names may stand in a comment (`//X Y Z`, `# x y z`): they count
-/// when there is one for each column of the first point.
+/// Before the first point there may be one line of names and, in .pts, one with the number of
+/// points. Names may be in a comment (`//X Y Z`, `# x y z`): they count if their number is the
+/// number of columns of the first point.
 pub(super) fn parse(content: &[u8], default: ColumnMap) -> Result<PointTable, ContentError> {
     let start = if content.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     let mut preamble = Preamble::default();
@@ -45,7 +45,7 @@ pub(super) fn parse(content: &[u8], default: ColumnMap) -> Result<PointTable, Co
                 let width = words.clone().count();
                 let columns = preamble.columns(Some(width));
                 let columns = columns.unwrap_or_else(|| default.clone().without_names(width));
-                // Rows may lack what is not needed, but then it is left out.
+                // Rows may lack columns that are not required; the columns are then left out.
                 let needed = if columns.has_normals() { 6 } else { 3 };
                 let [most, full] = [needed, width].map(|words| max_rows(lines.rest(), words));
                 let empty = PointTable::new(most, &columns).with_column_capacity(full);
@@ -68,28 +68,28 @@ pub(super) fn parse(content: &[u8], default: ColumnMap) -> Result<PointTable, Co
     Ok(table.with_differences(differences))
 }
 
-/// The most rows of `width` words that there are where one of them stands before the `rest`.
+/// Returns the most rows of `width` words that fit: one row and the `rest` after it.
 fn max_rows(rest: &[u8], width: usize) -> usize {
     let ends = rest.iter().filter(|&&byte| byte == b'\n' || byte == b'\r').count();
-    // A digit a word, and what separates it.
+    // One digit per word, and a separator.
     1 + (1 + ends).min(rest.len() / (2 * width.max(1)))
 }
 
-/// What stands before the first point.
+/// The lines before the first point.
 #[derive(Default)]
 struct Preamble {
-    /// From a line of names.
+    /// Columns from a line of names.
     named: Option<ColumnMap>,
-    /// From a comment that may be a line of names, and how many there are.
+    /// Columns from a comment that may be a line of names, and the number of names.
     noted: Option<(ColumnMap, usize)>,
-    /// The number of points that is claimed, and in which line.
+    /// The line with the declared number of points, and that number.
     claimed: Option<(usize, u64)>,
-    /// Comments that names were taken from.
+    /// Number of comments used as lines of names.
     used_comments: usize,
 }
 
 impl Preamble {
-    /// Looks at a comment.
+    /// Reads a comment as a possible line of names.
     fn read_comment(&mut self, comment: &str) {
         if comment.len() > MAX_HEADER_BYTES {
             return;
@@ -99,7 +99,7 @@ impl Preamble {
         }
     }
 
-    /// Takes a line, or says that it must be the first point.
+    /// Reads a line of the preamble; returns `false` if the line must be the first point.
     fn read_line(&mut self, line: &str, number: usize) -> Result<bool, ContentError> {
         if self.named.is_none() && is_header(words(line)) {
             if line.len() > MAX_HEADER_BYTES {
@@ -123,7 +123,7 @@ impl Preamble {
         Ok(false)
     }
 
-    /// The columns that names say, for points of `width` columns if there are any.
+    /// Returns the named columns, for points of `width` columns if there are any.
     fn columns(&mut self, width: Option<usize>) -> Option<ColumnMap> {
         let noted = self.noted.take();
         let fits = noted.filter(|(_, names)| width.is_none_or(|width| width == *names));
@@ -134,9 +134,9 @@ impl Preamble {
     }
 }
 
-/// The columns that a line names.
+/// Parses the columns that a line names.
 fn columns_from_names(line: &str) -> Result<ColumnMap, String> {
-    // A table of pandas begins with its index, which has no name.
+    // The first column of a pandas table is its index, without a name.
     let named = |word: &&str| !word.is_empty();
     let unnamed = words(line).filter(|word| word.is_empty()).count();
     let columns = ColumnMap::from_names(words(line).map(|word| Some(word).filter(named)))?;
@@ -145,8 +145,8 @@ fn columns_from_names(line: &str) -> Result<ColumnMap, String> {
         .with_kinds(|name, _| color(name).map_or(ColumnKind::Number, ColumnKind::Text)))
 }
 
-/// Writes a line of names after `comment`, then a point a line, each number with as
-/// many digits as it takes to read it back.
+/// Writes a line of names after `comment`, then a point a line, each number with enough digits to
+/// read it back exactly.
 pub(super) fn write(
     out: &mut dyn Write,
     cloud: &PointCloud,
@@ -181,8 +181,8 @@ pub(super) fn write(
     Ok(())
 }
 
-/// What stands before a comment, and the comment. A mark within a word starts none:
-/// `1.#QNAN` is how some libraries write a NaN.
+/// Splits a line into data and comment. A mark within a word starts no comment: some libraries
+/// write a NaN as `1.#QNAN`.
 fn split_comment(line: &str) -> (&str, Option<&str>) {
     let starts = |&(at, _): &(usize, &str)| at == 0 || line[..at].ends_with([' ', '\t', ',', ';']);
     let marks = ["#", "//"].into_iter().filter_map(|mark| line.match_indices(mark).find(starts));
@@ -192,8 +192,8 @@ fn split_comment(line: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// The words of a line: split at semicolons if there are any, else at commas, else at white
-/// space. With decimal commas that leaves words like `1,5` or `5 2`, which are refused.
+/// Splits a line into words: at semicolons if there are any, else at commas, else at white space.
+/// Decimal commas then give words like `1,5` or `5 2`, which are refused.
 fn words(line: &str) -> Words<'_> {
     match [';', ','].into_iter().find(|&separator| line.contains(separator)) {
         Some(separator) => Words::Separated(line.split(separator)),
@@ -218,7 +218,7 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// Whether a line has names, and nothing like a number: that makes it a broken point.
+/// Returns whether a line has names, and no word like a number: a line with both is a broken point.
 fn is_header<'a>(mut words: impl Iterator<Item = &'a str>) -> bool {
     let mut some = false;
     let mut is_name = |word: &str| {

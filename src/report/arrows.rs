@@ -1,4 +1,4 @@
-//! Motions that nothing holds, as arrows.
+//! Unobservable motions, as arrows.
 
 use serde::Serialize;
 
@@ -6,25 +6,26 @@ use super::facts::{Free, Spread};
 use super::text;
 use crate::math::{self, Vec3};
 
-/// A motion as a turn about an axis and a shift along it, about the middle of the target.
+/// A motion as a rotation about an axis and a translation along it, relative to the middle of the
+/// target.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Arrow {
-    /// A place on the axis.
+    /// A point on the axis.
     pub(super) center: Vec3,
-    /// Unit vector along it.
+    /// Unit vector along the axis.
     pub(super) axis: Vec3,
-    /// Whether it turns, and whether it slides; both of a screw.
+    /// Whether it rotates, and whether it translates; both for a screw motion.
     pub(super) turns: bool,
     pub(super) slides: bool,
-    /// What it is, in words.
+    /// Description in words.
     pub(super) words: String,
 }
 
-/// Part of a motion below which it is not told: a tenth.
+/// Smallest part of a motion that is reported: a tenth. Chosen by hand.
 const MIN_COMPONENT: f64 = 0.1;
 
 impl Arrow {
-    /// Of every motion that nothing holds; `middle` is that of the target.
+    /// Converts every unobservable motion; `middle` is the middle of the target.
     pub(super) fn unconstrained_motions(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
         spread.undetermined.iter().map(|free| Arrow::new(free, spread.center, middle)).collect()
     }
@@ -43,10 +44,10 @@ impl Arrow {
             return Arrow { center: local, axis, turns: false, slides: true, words };
         }
         let axis = math::scaled(rotation, 1.0 / turn);
-        // The place nearest to the center that such a motion leaves on the axis.
+        // The point of the motion's axis that is nearest to the center.
         let off = math::scaled(math::cross(rotation, translation), 1.0 / (turn * turn));
         let along = math::dot(axis, translation).abs();
-        // As |ω|² + |τ|²/r² = 1.
+        // From |ω|² + |τ|²/r² = 1.
         let radius = math::norm(translation) / (1.0 - turn * turn).max(1e-12).sqrt();
         let slides =
             along > MIN_COMPONENT * radius && turn < (1.0 - MIN_COMPONENT * MIN_COMPONENT).sqrt();
@@ -78,7 +79,7 @@ mod tests {
         assert!(slide.slides && !slide.turns && slide.axis == [0.0, 1.0, 0.0]);
         let turn = arrow([0.0, 0.0, 1.0], [0.0; 3]);
         assert!(turn.turns && !turn.slides && turn.center == [1.0, 0.0, 0.0]);
-        // A turn about z through (1, 2, 0) moves (1, 0, 0) along x.
+        // A rotation about z through (1, 2, 0) moves (1, 0, 0) along x.
         let (half, radius) = (0.5f64.sqrt(), 2.0);
         let beside = arrow([0.0, 0.0, half], [half * radius, 0.0, 0.0]);
         assert!(beside.turns && !beside.slides);

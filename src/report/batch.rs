@@ -1,4 +1,4 @@
-//! The report of a list of pairs in bulk.
+//! The report of a batch of pairs.
 
 use std::path::Path;
 
@@ -10,27 +10,27 @@ use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::Result;
 use crate::io;
 
-/// Where the rows' clouds are, and where their report goes.
+/// The folders and settings of a batch report.
 #[derive(Debug, Clone)]
 pub struct BatchReport<'a> {
     /// Folder that the files of the rows are relative to.
     pub clouds: &'a Path,
-    /// Folder of the pages, made if it is not there: `index.html` is the table.
+    /// Folder of the pages, created if missing: `index.html` is the table.
     pub output: &'a Path,
-    /// How many of the rows, the worst first, have a page of their own.
+    /// Number of rows, the worst first, with a page of their own.
     pub pages: usize,
-    /// Where the sensors stood.
+    /// Source of the sensor viewpoints.
     pub viewpoints: ViewpointSource,
 }
 
 impl BatchReport<'_> {
-    /// Writes a table of `rows`, the worst first, and the pages of pairs that it opens; a pair
-    /// whose clouds cannot be read has none. `progress` is told how many pages of how many are
-    /// done. How many there are is returned.
+    /// Writes a table of `rows`, the worst first, and the pages of pairs that it links; a pair
+    /// whose clouds cannot be read has none. `progress` is called with the numbers of pages done
+    /// and of all pages. Returns the number of pages.
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written,
-    /// [`Error::Config`](crate::Error::Config) for a row whose pose is none.
+    /// [`Error::Config`](crate::Error::Config) for a row with an invalid pose.
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
         table_page::create_folders(self.output)?;
         let mut order: Vec<&Row> = rows.iter().collect();
@@ -66,7 +66,7 @@ impl BatchReport<'_> {
                         line.add_pair_page(pair, self.output, row.index)?;
                         made += 1;
                     }
-                    // The table stands without its pages.
+                    // The table is useful without its pages.
                     Err(_) => missing += 1,
                 }
             }
@@ -96,7 +96,7 @@ impl BatchReport<'_> {
         Ok(made)
     }
 
-    /// The clouds of a row, read again.
+    /// Reads the clouds of a row again.
     fn read_clouds(&self, row: &Row) -> Result<[PointCloud; 2]> {
         let read = |name: &String| self.viewpoints.apply(io::read(self.clouds.join(name))?);
         Ok([read(&row.source)?, read(&row.target)?])
@@ -108,7 +108,7 @@ fn table_row(row: &Row) -> TableRow {
     let verdict = match (&row.error, usable, row.decision.as_deref()) {
         (Some(_), ..) => "no answer",
         (None, true, decision) => decision.unwrap_or("trusted"),
-        // Accepted by a verdict, and doubted for another reason.
+        // Accepted by a verdict, with a warning of another kind.
         (None, false, None | Some("accept")) => "doubted",
         (None, false, Some(decision)) => decision,
     };
@@ -132,7 +132,7 @@ fn table_row(row: &Row) -> TableRow {
     TableRow { tone, cells, ..TableRow::default() }
 }
 
-/// What a row tells, as a registration does; `None` without a pose.
+/// Converts a row to the facts of a registration; `None` without a pose.
 fn facts_of_row(row: &Row) -> Result<Option<Facts>> {
     let Some(pose) = row.pose else { return Ok(None) };
     let rows = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| pose[4 * i + j]));

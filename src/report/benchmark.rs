@@ -1,4 +1,4 @@
-//! The report of a benchmark: right and wrong, the worst first.
+//! The report of a benchmark: correct and wrong poses, the worst first.
 
 use std::path::Path;
 
@@ -8,9 +8,9 @@ use crate::benchmark::{self, BenchmarkRow, Rerun, Settings, reliability};
 use crate::error::Result;
 
 /// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
-/// no answers, other wrong ones, right ones that were not accepted, the rest. The first `pages`
-/// open a page with the true pose beside; their registrations are run again. `progress` is told
-/// how many of how many are done.
+/// failures without a pose, other wrong poses, correct poses that were not accepted, the rest. The
+/// first `pages` rows link to a page with the true pose for comparison; their registrations are run
+/// again. `progress` is called with the numbers done and of all.
 ///
 /// # Errors
 /// [`Error::Io`](crate::Error::Io) for a folder that cannot be written, those of reading clouds.
@@ -27,7 +27,7 @@ pub fn write_benchmark(
     let badness = |row: &BenchmarkRow| match (row.right, row.accepted) {
         (false, true) => 0,
         (false, false) if !row.error.is_empty() => 1,
-        // Of clouds with nothing in common no pose is right.
+        // Unrelated clouds have no correct pose.
         (false, false) if row.rotation_deg.is_some() => 2,
         (true, false) => 3,
         (false, false) | (true, true) => 4,
@@ -87,7 +87,7 @@ fn add_pair_page(
     settings: Settings,
     folder: &Path,
 ) -> Result<()> {
-    // Poses of other programs cannot be found again.
+    // Poses of other programs cannot be computed again.
     let Ok(chain) = benchmark::parse_method(&row.method) else { return Ok(()) };
     let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.matches_pair(pair)) else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! From where two clouds are looked at.
+//! The camera for two clouds.
 
 use serde::Serialize;
 
@@ -7,35 +7,35 @@ use crate::cloud::{PointCloud, Transform};
 use crate::math::eigen;
 use crate::math::{self, Mat3, Vec3};
 
-/// What is to be seen: a ball about the target's middle, in its frame.
+/// The visible region: a ball about the target's middle, in its frame.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Viewport {
     pub(super) center: Vec3,
     pub(super) radius: f64,
 }
 
-/// From where.
+/// The direction of view.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub(super) struct Camera {
-    /// Unit vector to the eye.
+    /// Unit vector towards the camera.
     pub(super) toward: Vec3,
-    /// Unit vector that is up in space; the page turns about it.
+    /// Unit vector that points up in space; the page rotates the view about it.
     pub(super) upright: Vec3,
-    /// And on the picture: the part of it across `toward`.
+    /// Up in the picture: the normalised component of `upright` perpendicular to `toward`.
     pub(super) up: Vec3,
 }
 
-/// How far flat things are looked at from beside, so that they do not look like a map: tangent.
+/// Tangent of the tilt for flat scenes, so that they do not look like a map. Chosen by hand.
 const FLAT_TILT: f64 = 0.8;
-/// How far other things are, to the right and from above, so that they have depth.
+/// Offsets for other scenes, to the right and from above, so that they have depth. Chosen by hand.
 const SIDE_OFFSET: [f64; 2] = [0.3, 0.2];
-/// Points of a cloud that are measured.
+/// Most points of a cloud that are measured. Chosen by hand.
 const MAX_SAMPLED_POINTS: usize = 2000;
-/// Share of them that is to be seen; the rest may be strays.
+/// Share of these points to be visible; the rest may be outliers. Chosen by hand.
 const VISIBLE_SHARE: f64 = 0.99;
 
 impl Viewport {
-    /// Of both clouds, with the source where `pose` puts it.
+    /// Computes the viewport of both clouds, with the source at `pose`.
     pub(super) fn new(source: &DisplayCloud, target: &DisplayCloud, pose: &Transform) -> Viewport {
         let some = |shown: &DisplayCloud| -> Vec<Vec3> {
             let step = shown.cloud.len().div_ceil(MAX_SAMPLED_POINTS).max(1);
@@ -46,7 +46,7 @@ impl Viewport {
             some(source).into_iter().map(|p| local(pose.apply(p))).collect::<Vec<Vec3>>(),
             some(target).into_iter().map(local).collect(),
         ];
-        // Each cloud by itself, that the smaller does not count as strays of the larger.
+        // Each cloud separately, so that a smaller cloud does not count as outliers of the larger.
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for side in &sides {
             for axis in 0..3 {
@@ -62,7 +62,7 @@ impl Viewport {
             let mut away: Vec<f64> =
                 side.iter().map(|&p| math::norm(math::sub(p, center))).collect();
             away.sort_by(f64::total_cmp);
-            // Few points have no strays.
+            // Few points have no outliers.
             away[(VISIBLE_SHARE * (away.len() - 1) as f64).round() as usize]
         });
         let radius = radius.fold(0.0, f64::max);
@@ -71,8 +71,8 @@ impl Viewport {
 }
 
 impl Camera {
-    /// From the side from which the target looks largest; of the two the one where its sensor
-    /// stood, if that is known.
+    /// Views the target from the direction of its largest projection, on the side of its sensor if
+    /// that is known.
     pub(super) fn facing(target: &PointCloud) -> Camera {
         let (low, high) = robust_bounds(target);
         let middle = math::scaled(math::add(low, high), 0.5);
@@ -84,17 +84,17 @@ impl Camera {
             let part = math::outer(off, off);
             (0..3).for_each(|i| (0..3).for_each(|j| spread[i][j] += part[i][j]));
         }
-        // Across the two longest axes of the cloud.
+        // Perpendicular to the two longest axes of the cloud.
         let (_, axes) = eigen::symmetric(&spread);
         let mut toward = axes[0];
-        // Where nobody knows: from above, or from the front.
+        // Unknown viewpoint: from above, or from the front.
         let sensor = target.viewpoint().map_or([0.1, -0.2, 1.0], |at| math::sub(at, middle));
         if math::dot(toward, sensor) < 0.0 {
             toward = math::scaled(toward, -1.0);
         }
         let [x, y, z] = math::sub(high, low);
-        // z is up where the cloud lies flat across it, as maps and sweeps do; else y, as objects
-        // stand in most files.
+        // z is up if the cloud is flat perpendicular to z, as maps and sweeps are; else y, as for
+        // objects in most files.
         if toward[2].abs() > 0.8 && x.min(y) > 3.0 * z {
             let toward = math::normalized([0.0, -FLAT_TILT, 1.0]);
             return Camera::from_direction(toward, [0.0, 0.0, 1.0]);
@@ -112,13 +112,13 @@ impl Camera {
         Camera { toward, upright, up: orthogonal_unit(upright, toward) }
     }
 
-    /// Rows: to the right, upwards, towards the eye.
+    /// Returns the rows: to the right, upwards, towards the camera.
     pub(super) fn axes(&self) -> Mat3 {
         [math::cross(self.up, self.toward), self.up, self.toward]
     }
 }
 
-/// The part of `vector` across the unit vector `along`, of length 1.
+/// Returns the normalised component of `vector` perpendicular to the unit vector `along`.
 fn orthogonal_unit(vector: Vec3, along: Vec3) -> Vec3 {
     math::normalized(math::sub(vector, math::scaled(along, math::dot(vector, along))))
 }

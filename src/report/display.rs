@@ -1,4 +1,4 @@
-//! The clouds as a page shows them: thinned, as small numbers, with what each point has to tell.
+//! The clouds as a page shows them: downsampled, quantised, with values for each point.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -15,30 +15,30 @@ use crate::search::{Neighborhood, Neighbors, SearchTree};
 /// A cloud to be drawn. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct DisplayCloud {
-    /// Points that are shown, of how many, and how many of those drawn at random are not shown
-    /// since they are strays, far out.
+    /// Numbers of points that are shown, of all points, and of sampled points that are not shown
+    /// because they are distant outliers.
     pub(super) shown: usize,
     pub(super) of: usize,
     pub(super) strays: usize,
-    /// Lowest corner of the box about the cloud's middle that positions are shares of, and its
-    /// sides: three u16 a point, 65535 for the whole side.
+    /// Lowest corner and sides of the box that positions are relative to, about the cloud's middle:
+    /// three u16 a point, 65535 for the whole side.
     pub(super) low: Vec3,
     pub(super) size: Vec3,
     pub(super) positions: String,
-    /// Unit normals of either sign, three i8 a point, 0 where there is none.
+    /// Unit normals of either sign, three i8 a point, 0 if there is none.
     pub(super) normals: String,
-    /// Distance to the other cloud under the pose, a u8 a point: 0 to [`MAX_BYTE`] for 0 to the
+    /// Distance to the other cloud at the pose, a u8 a point: 0 to [`MAX_BYTE`] for 0 to the
     /// residuals' `most`, 255 beyond.
     pub(super) residuals: String,
-    /// Weight that the nearest compared point received, a u8 a point, 255 where none is near;
-    /// empty where nothing is known of weights.
+    /// Total weight of the nearest compared point, a u8 a point, 255 if none is near; empty without
+    /// weights.
     pub(super) weights: String,
-    /// Median distance to the next shown point.
+    /// Median distance to the nearest shown point.
     pub(super) spacing: f64,
-    /// What positions are relative to, in the cloud's own frame.
+    /// Origin of the positions, in the cloud's own frame.
     #[serde(skip)]
     pub(super) middle: Vec3,
-    /// The points drawn at random, strays too, and the places of those that are shown.
+    /// The sampled points, including outliers, and the indices of those that are shown.
     #[serde(skip)]
     pub(super) cloud: PointCloud,
     #[serde(skip)]
@@ -51,20 +51,22 @@ pub(super) struct DisplayCloud {
     pub(super) distances: Vec<f32>,
 }
 
-/// The largest of the small numbers that stand for values.
+/// Largest quantised value. Chosen by hand.
 const MAX_BYTE: f64 = 250.0;
-/// And what stands for none.
+/// Quantised value for "none".
 const NO_VALUE: u8 = 255;
-/// Nearest points that make a normal.
+/// Nearest points for a normal. Chosen by hand.
 const NORMAL_NEIGHBORS: usize = 12;
-/// Share of the coordinates that is looked at for the middle of a cloud: strays do not move it.
+/// Share of the coordinates ignored at each end for the middle of a cloud: outliers do not move it.
+/// Chosen by hand.
 const TRIMMED_SHARE: f64 = 0.02;
-/// How far from the central box points are shown, in its longest side: with strays farther out,
-/// 16 bits would not tell the others apart. Chosen by hand: of the box, 7000 steps are left.
+/// Largest distance of shown points from the central box, in its longest side: with more distant
+/// outliers, 16 bits would not resolve the other points. Chosen by hand: 7000 steps of the box are
+/// left.
 const MAX_BOX_DISTANCE: f64 = 4.0;
 
 impl DisplayCloud {
-    /// At most `most` points of `cloud`, drawn at random.
+    /// Downsamples `cloud` at random to at most `most` points.
     pub(super) fn new(cloud: &PointCloud, most: usize) -> Result<DisplayCloud> {
         let thin = filter::sample(cloud, most, 0);
         let (low, high) = robust_bounds(&thin);
@@ -107,8 +109,8 @@ impl DisplayCloud {
         })
     }
 
-    /// Measures how far each point is from `others`, all of the other cloud, once `pose` has
-    /// brought it there; distances are told in units of `unit` of that frame, up to `most`.
+    /// Measures the distance of each point, transformed by `pose`, to all points `others` of the
+    /// other cloud; distances are in units of `unit` of that frame, up to `most`.
     pub(super) fn set_residuals(
         &mut self,
         others: &PointCloud,
@@ -130,8 +132,9 @@ impl DisplayCloud {
         Ok(())
     }
 
-    /// Gives each point the weight of the nearest of `points`, which received `received`, if that
-    /// is within `reach`; told as a share of `most`, by its square root, so that small ones show.
+    /// Assigns to each point the weight in `received` of the nearest of `points`, if that is within
+    /// `reach`. The stored value is the square root of its share of `most`, so that small weights
+    /// are visible.
     pub(super) fn set_weights(
         &mut self,
         points: &[Vec3],
@@ -163,7 +166,7 @@ fn share_to_byte(share: f64) -> u8 {
     (share * MAX_BYTE).round() as u8
 }
 
-/// Normals, and the median distance to the next point.
+/// Estimates normals, and the median distance to the nearest point.
 fn normals_and_spacing(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
     let spacing = crate::search::resolution(cloud.points())?;
     if cloud.len() < 3 {
@@ -174,18 +177,18 @@ fn normals_and_spacing(cloud: &PointCloud) -> Result<(Vec<[f32; 3]>, f64)> {
     Ok((normals::estimate(cloud, &neighbors, Orientation::Outward)?.vectors, spacing))
 }
 
-/// The points that are not far from the central box.
+/// Returns the points that are not far from the central box.
 fn points_near_box(cloud: &PointCloud, low: Vec3, high: Vec3) -> Vec<usize> {
     let longest = math::sub(high, low).into_iter().fold(0.0, f64::max);
     let margin = MAX_BOX_DISTANCE * longest;
     let near = |place: Vec3| {
         (0..3).all(|axis| (low[axis] - margin..=high[axis] + margin).contains(&place[axis]))
     };
-    // Where nearly all lie in one place there is no length to go by.
+    // If nearly all points coincide there is no length scale.
     (0..cloud.len()).filter(|&i| longest == 0.0 || near(cloud.position(i))).collect()
 }
 
-/// The box about the points that strays do not blow up.
+/// Returns a bounding box that is robust to outliers.
 pub(super) fn robust_bounds(cloud: &PointCloud) -> (Vec3, Vec3) {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
@@ -262,14 +265,14 @@ mod tests {
         shown.set_weights(&points, &vec![1.0; points.len()], 1.0, 1.0).unwrap();
         assert_eq!((shown.shown, shown.strays, shown.of), (2998, 2, 3000));
         assert!(shown.size.iter().all(|&side| side < 4.0), "{:?}", shown.size);
-        // All lists tell of the same points; the distances tell of the strays, too.
+        // All lists have the same points; the distances also include outliers.
         let lengths = [(&shown.positions, 6), (&shown.normals, 3), (&shown.residuals, 1)];
         for (text, each) in lengths.into_iter().chain([(&shown.weights, 1)]) {
             assert_eq!(STANDARD.decode(text).unwrap().len(), 2998 * each);
         }
         assert_eq!(shown.distances.len(), 3000);
         assert_eq!(shown.distances.iter().filter(|distance| distance.is_infinite()).count(), 2);
-        // A heap of one place and some others: there is no length to go by.
+        // Coincident points and some others: there is no length scale.
         let mut heap = vec![[1.0; 3]; 1000];
         heap[3] = [2.0; 3];
         let heap = DisplayCloud::new(&PointCloud::new(&heap).unwrap(), 5000).unwrap();

@@ -1,4 +1,4 @@
-//! What a report reads of a registration: the object that `cfreg register --json` prints.
+//! The data of a registration in a report: the object that `cfreg register --json` prints.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::io;
 use crate::math::Vec3;
 use crate::method::Method;
 
-/// The object, less what no report shows.
+/// The object, without the fields that no report shows.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Facts {
     pub(super) transform: Transform,
@@ -29,11 +29,11 @@ pub(super) struct Facts {
     pub(super) points: Option<Ends>,
     #[serde(default)]
     pub(super) time_s: Stages,
-    /// As it stands, to be shown.
+    /// Shown unchanged.
     #[serde(default)]
     pub(super) config: Value,
     pub(super) refined_from: Option<Box<Facts>>,
-    /// What the command was given, where it was a command.
+    /// Inputs of the command, if the result came from one.
     pub(super) source: Option<String>,
     pub(super) target: Option<String>,
     #[serde(default)]
@@ -42,7 +42,7 @@ pub(super) struct Facts {
     pub(super) command: Option<String>,
 }
 
-/// A doubt.
+/// A warning.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Told {
     pub(super) message: String,
@@ -61,14 +61,14 @@ pub(super) struct SavedVerdict {
     pub(super) other_scale: Option<f64>,
 }
 
-/// A pose that would do, too.
+/// An alternative pose.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Other {
     pub(super) transform: Transform,
     pub(super) probability: f64,
 }
 
-/// How far the pose may be off.
+/// Uncertainty of the pose.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Spread {
     pub(super) matrix: [[f64; 6]; 6],
@@ -76,14 +76,14 @@ pub(super) struct Spread {
     pub(super) undetermined: Vec<Free>,
 }
 
-/// A motion that nothing holds.
+/// An unobservable motion.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub(super) struct Free {
     pub(super) rotation: Vec3,
     pub(super) translation: Vec3,
 }
 
-/// How the clouds lie on each other.
+/// Fit of the clouds.
 #[derive(Debug, Clone, Copy, Deserialize)]
 pub(super) struct Fit {
     pub(super) fitness: f64,
@@ -100,7 +100,7 @@ pub(super) struct Ends {
     pub(super) target: Counted,
 }
 
-/// What became of the points of a cloud.
+/// Counts of a cloud's points.
 #[derive(Debug, Clone, Deserialize)]
 pub(super) struct Counted {
     #[serde(default)]
@@ -113,7 +113,7 @@ pub(super) struct Counted {
     pub(super) oriented_by: Option<String>,
 }
 
-/// As the thinning of a command.
+/// The downsampling of a command.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 pub(super) struct Given {
     voxel: Option<f64>,
@@ -127,7 +127,7 @@ pub(super) struct Given {
 pub(super) struct Stages(pub(super) Vec<(String, f64)>);
 
 impl Facts {
-    /// Of which only this is known.
+    /// Creates facts from these values alone.
     pub(super) fn bare(pose: Transform, method: &str, trusted: bool, doubts: Vec<Told>) -> Facts {
         Facts {
             transform: pose,
@@ -152,10 +152,10 @@ impl Facts {
         }
     }
 
-    /// Of one object as JSON.
+    /// Parses one JSON object.
     ///
     /// # Errors
-    /// [`Error::Parse`] for what is none, with its line; `path` is what it calls the text.
+    /// [`Error::Parse`] for an invalid object, with its line; `path` names the text in the error.
     pub(super) fn read(json: &str, path: &std::path::Path) -> Result<Facts> {
         serde_json::from_str(json).map_err(|error| {
             let what = format!("is not what `cfreg register --json` prints: {error}");
@@ -164,17 +164,17 @@ impl Facts {
         })
     }
 
-    /// The registration that came first, before all refinements.
+    /// Returns the first registration, before all refinements.
     pub(super) fn first(&self) -> &Facts {
         self.refined_from.as_deref().map_or(self, Facts::first)
     }
 
-    /// The method that came first; `None` where its settings are not told.
+    /// Returns the first method; `None` if its settings are missing.
     pub(super) fn method(&self) -> Option<Method> {
         serde_json::from_value(self.first().config.clone()).ok()
     }
 
-    /// Names of the methods in turn, `+` between them.
+    /// Returns the names of the methods in order, `+` between them.
     pub(super) fn chain(&self) -> String {
         match &self.refined_from {
             Some(before) => format!("{}+{}", before.chain(), self.method),
@@ -182,8 +182,8 @@ impl Facts {
         }
     }
 
-    /// How the clouds were thinned before they were registered: a voxel that the method was given
-    /// for itself is not meant.
+    /// Returns the downsampling before registration; a voxel size that is a setting of the method
+    /// itself does not count.
     pub(super) fn thinning(&self) -> Downsampling {
         let Given { voxel, sample, seed } = self.thinning;
         let own = self.first().method == "consensus";

@@ -1,6 +1,7 @@
-//! Pages that a person opens after a registration: whether to trust the pose, seen at a glance.
+//! Pages that show whether a registration's pose can be trusted.
 //!
-//! A page is one file that needs no network: styles, scripts and the points are all in it. Where there is no WebGL a still picture takes the place of the view.
+//! A page is one file that needs no network: styles, scripts and points are inside. Without WebGL a
+//! still picture replaces the view.
 
 mod arrows;
 mod batch;

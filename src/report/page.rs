@@ -1,5 +1,5 @@
-//! Pages from templates. What comes from files is text there and is escaped: in HTML by the
-//! templates' own rules, in scripts as JSON without `<`.
+//! Pages from templates. Content from files is escaped as text: in HTML by the templates' own
+//! rules, in scripts as JSON without `<`.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 
 const PAIR_TEMPLATE: &str = include_str!("page/pair.html");
 const STYLE: &str = include_str!("page/style.css");
-/// In the order in which they need each other.
+/// In order of dependency.
 const SCRIPTS: [&str; 12] = [
     include_str!("page/copy.js"),
     include_str!("page/algebra.js"),
@@ -32,7 +32,7 @@ const TABLE_TEMPLATE: &str = include_str!("page/list.html");
 const TABLE_STYLE: &str = include_str!("page/list.css");
 const TABLE_SCRIPT: &str = include_str!("page/list.js");
 
-/// The page of a pair.
+/// Renders the page of a pair.
 pub(super) fn render_pair(text: &impl Serialize, view: &impl Serialize) -> Result<String> {
     render(
         "pair.html",
@@ -46,7 +46,7 @@ pub(super) fn render_pair(text: &impl Serialize, view: &impl Serialize) -> Resul
     )
 }
 
-/// The page of a list.
+/// Renders the page of a list.
 pub(super) fn render_table(page: &impl Serialize) -> Result<String> {
     render(
         "list.html",
@@ -59,7 +59,7 @@ pub(super) fn render_table(page: &impl Serialize) -> Result<String> {
     )
 }
 
-/// Whether a file is a page of this program: both templates begin by saying so.
+/// Returns whether a file is a page of this program: both templates begin with a mark.
 pub fn is_report_page(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(1024).read_to_end(&mut start));

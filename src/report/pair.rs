@@ -21,7 +21,7 @@ use crate::method::Method;
 use crate::search;
 use crate::verify;
 
-/// Two clouds, and what was found of them.
+/// Two clouds, and their registration result.
 ///
 /// ```
 /// use cfreg::method::{Method, Register};
@@ -38,42 +38,44 @@ pub struct PairReport<'a> {
     facts: Facts,
     source: &'a PointCloud,
     target: &'a PointCloud,
-    /// What the clouds are called; default what the result says, or `source` and `target`.
+    /// Names of the clouds; default those in the result, or `source` and `target`.
     pub names: [String; 2],
-    /// The command that gives the result again; default what the result says.
+    /// The command that reproduces the result; default the one in the result.
     pub command: Option<String>,
-    /// The true pose, where it is known.
+    /// The true pose, if known.
     pub truth: Option<Transform>,
     /// Most points of either cloud that are shown, at least 1; default 100,000.
     pub points: usize,
 }
 
-/// Default of [`Pair::points`]: 200,000 together turn smoothly on a laptop.
+/// Default of [`Pair::points`]: 200,000 together rotate smoothly on a laptop.
 const DEFAULT_MAX_POINTS: usize = 100_000;
-/// Largest residual that is told apart, in largest distances that count.
+/// Largest residual on the colour scale, in inlier distances. Chosen by hand.
 const MAX_RESIDUAL_FACTOR: f64 = 5.0;
-/// Points of either cloud in a picture that stands in for the view, and in a figure for papers.
+/// Points of either cloud in the still picture that replaces the view, and in a figure for papers.
+/// Chosen by hand.
 const PREVIEW_POINTS: usize = 40_000;
 const FIGURE_POINTS: usize = 12_000;
-/// How near the source is brought, in radii of both after, where it lies elsewhere.
+/// Distance to which a remote source is moved for display, in radii of both after registration.
+/// Chosen by hand.
 const MAX_START_DISTANCE: f64 = 2.5;
 
-/// What the page's scripts are given.
+/// Data for the page's scripts.
 #[derive(Serialize)]
 struct ViewerData<'a> {
     source: &'a DisplayCloud,
     target: &'a DisplayCloud,
     look: Camera,
-    /// Of arrows.
+    /// Radius of the arrows.
     radius: f64,
     stands: Vec<ViewerPose>,
-    /// Largest residual that is told apart, and the one that counts.
+    /// Largest residual on the colour scale, and the inlier distance.
     residual: [f64; 2],
     arrows: &'a [Arrow],
     weights: Option<&'a WeightView>,
 }
 
-/// Where the source stands: from places about its middle to places about the target's.
+/// A displayed source pose: from coordinates about its middle to coordinates about the target's.
 #[derive(Serialize)]
 struct ViewerPose {
     name: &'static str,
@@ -82,11 +84,11 @@ struct ViewerPose {
     frame: Viewport,
 }
 
-/// What the page's text is made from.
+/// Data for the page's text.
 #[derive(Serialize)]
 struct PageText<'a> {
     names: &'a [String; 2],
-    /// The same without folders where that tells them apart.
+    /// The names without folders if these names differ.
     titles: [String; 2],
     method: String,
     headline: Headline,
@@ -111,9 +113,9 @@ struct PageText<'a> {
 }
 
 impl<'a> PairReport<'a> {
-    /// `result` is the object that `cfreg register --json` prints, or a
-    /// [`Registration`](crate::method::Registration) as JSON; the clouds are those that the
-    /// method was given.
+    /// Creates a report. `result` is the object that `cfreg register --json` prints, or a
+    /// [`Registration`](crate::method::Registration) as JSON; the clouds are those that were passed
+    /// to the method.
     ///
     /// # Errors
     /// [`Error::Parse`](crate::Error::Parse) for a `result` that is not such an object.
@@ -143,12 +145,12 @@ impl<'a> PairReport<'a> {
         }
     }
 
-    /// The page, all of it in one file.
+    /// Renders the page as one file.
     ///
     /// # Errors
-    /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud, those of
-    /// [`Method::weight_graph`](crate::method::Method::weight_graph) but for what the page says
-    /// itself, and those of drawing.
+    /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud, errors of drawing,
+    /// and those of [`Method::weight_graph`](crate::method::Method::weight_graph) that the page
+    /// does not report itself.
     pub fn html(&self) -> Result<String> {
         let facts = &self.facts;
         let pose = facts.transform;
@@ -210,7 +212,7 @@ impl<'a> PairReport<'a> {
         page::render_pair(&text, &view)
     }
 
-    /// The clouds before and after, side by side, for papers.
+    /// Draws the clouds before and after, side by side, for papers.
     ///
     /// # Errors
     /// [`Error::TooFewPoints`](crate::Error::TooFewPoints) for an empty cloud.
@@ -220,7 +222,7 @@ impl<'a> PairReport<'a> {
         Ok(draw_preview([&source, &target], &look, &stands[..2], FIGURE_POINTS, (520, 480), true))
     }
 
-    /// The aligned pair alone, small.
+    /// Draws the aligned pair alone, small.
     ///
     /// # Errors
     /// Those of [`figure`](Self::figure).
@@ -245,7 +247,7 @@ impl<'a> PairReport<'a> {
         })
     }
 
-    /// The largest distance that counts.
+    /// Returns the inlier distance.
     fn inlier_distance(&self) -> Result<f64> {
         let told = self.facts.evaluation.map(|fit| fit.max_distance);
         match told.filter(|&distance| distance > 0.0 && distance.is_finite()) {
@@ -258,7 +260,8 @@ impl<'a> PairReport<'a> {
         }
     }
 
-    /// What the method connected, told to the points that are shown; else why there is nothing.
+    /// Assigns the method's weights to the points that are shown; otherwise returns the reason for
+    /// their absence.
     fn add_weights(
         &self,
         source: &mut DisplayCloud,
@@ -303,7 +306,7 @@ impl<'a> PairReport<'a> {
         (Some(WeightView::new(&connections, pose, middles, near)), None)
     }
 
-    /// Where the source is shown to stand: as its file has it, under the pose, under the others.
+    /// Returns the displayed poses of the source: as in its file, the result, and the alternatives.
     fn pose_views(&self, source: &DisplayCloud, target: &DisplayCloud) -> Vec<PoseView<'static>> {
         let stand =
             |title, pose| PoseView { title, pose, frame: Viewport::new(source, target, &pose) };
@@ -320,8 +323,8 @@ impl<'a> PairReport<'a> {
         stands
     }
 
-    /// From the target to the source, where they lie too far apart in their files to be seen
-    /// together, and how near they are brought.
+    /// Returns the vector from the target to the source, and the display distance, if they are too
+    /// far apart in their files to be seen together.
     fn initial_offset(
         &self,
         source: &DisplayCloud,
@@ -333,7 +336,7 @@ impl<'a> PairReport<'a> {
         (math::norm(off) > beside).then_some((off, beside))
     }
 
-    /// How far that is.
+    /// Returns that distance.
     fn offset_text(&self, source: &DisplayCloud, target: &DisplayCloud) -> Option<String> {
         let after = Viewport::new(source, target, &self.facts.transform);
         self.initial_offset(source, target, after)
@@ -352,12 +355,12 @@ impl<'a> PairReport<'a> {
     }
 }
 
-/// A motion between the clouds' own frames as one between places about their middles.
+/// Converts a motion between the clouds' own frames to coordinates about their middles.
 fn relative_to_centers(pose: &Transform, [source, target]: [Vec3; 2]) -> Transform {
     Transform { translation: math::sub(pose.apply(source), target), ..*pose }
 }
 
-/// Median distance of points from the next one, 0 where that cannot be told.
+/// Returns the median distance of points to the nearest one, 0 if it is unknown.
 fn median_spacing(points: &[Vec3]) -> f64 {
     let Some(&first) = points.first() else { return 0.0 };
     let local: Vec<[f32; 3]> =

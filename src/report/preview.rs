@@ -1,5 +1,4 @@
-//! Two clouds before and after as one still picture: where a page has no WebGL, in notebooks,
-//! in papers.
+//! Two clouds before and after as a still picture: for pages without WebGL, notebooks and papers.
 
 use super::camera::{Camera, Viewport};
 use super::display::DisplayCloud;
@@ -7,21 +6,22 @@ use crate::cloud::Transform;
 use crate::figure::{Content, Dot, Figure, Panel, Scene};
 use crate::math::{self, Vec3};
 
-/// Colours of source and target: orange and blue of Okabe and Ito (2008), told apart by most eyes.
+/// Colours of source and target: orange and blue of Okabe and Ito (2008), which most people can
+/// distinguish.
 pub(super) const COLOURS: [[u8; 3]; 2] = [[230, 159, 0], [0, 114, 178]];
-/// Part of the frame's radius that is shown: clouds seldom fill a ball.
+/// Part of the viewport's radius that is shown: clouds seldom fill a ball. Chosen by hand.
 const VISIBLE_RADIUS_SHARE: f64 = 0.95;
-/// Light of what is seen edge-on.
+/// Brightness of a surface seen edge-on. Chosen by hand.
 const MIN_BRIGHTNESS: f64 = 0.45;
 
-/// A place of the source in the target's frame, and what it is called.
+/// A pose of the source in the target's frame, with its title.
 pub(super) struct PoseView<'a> {
     pub(super) title: &'a str,
     pub(super) pose: Transform,
     pub(super) frame: Viewport,
 }
 
-/// Both clouds with the source at each of `stands`, a panel each, of `size` pixels.
+/// Draws both clouds with the source at each of `stands`, one panel each, of `size` pixels.
 pub(super) fn draw_preview(
     [source, target]: [&DisplayCloud; 2],
     look: &Camera,
@@ -69,7 +69,7 @@ pub(super) fn draw_preview(
     Figure { columns: panels.len(), panels, size }
 }
 
-/// Some points of a cloud, in its own frame, with their normals.
+/// A sample of a cloud, in its own frame, with its normals.
 struct ShadedPoints {
     places: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -77,7 +77,7 @@ struct ShadedPoints {
 }
 
 impl ShadedPoints {
-    /// At most `most` of those that are shown.
+    /// Selects at most `most` of the shown points.
     fn new(shown: &DisplayCloud, most: usize) -> ShadedPoints {
         let step = shown.cloud.len().div_ceil(most).max(1);
         let vectors = shown.normal_vectors.iter().step_by(step);

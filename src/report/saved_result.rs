@@ -1,4 +1,4 @@
-//! A result that was kept in a file.
+//! A result that was saved to a file.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
 
-/// What `cfreg register --json` printed, read again.
+/// The output of `cfreg register --json`, read from a file.
 pub struct SavedResult {
     facts: Facts,
     path: PathBuf,
@@ -19,7 +19,7 @@ impl SavedResult {
     /// Reads a result.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Parse`] for what is no such result.
+    /// [`Error::Io`]; [`Error::Parse`] for an invalid result.
     pub fn read(path: &Path) -> Result<SavedResult> {
         let text = io::limited_file::read_text(
             path,
@@ -29,10 +29,10 @@ impl SavedResult {
         Ok(SavedResult { facts: Facts::read(&text, path)?, path: path.to_path_buf() })
     }
 
-    /// Files of source and target, as the command was given them.
+    /// Returns the files of source and target, as in the command.
     ///
     /// # Errors
-    /// [`Error::Parse`] for a result that names none.
+    /// [`Error::Parse`] for a result without them.
     pub fn files(&self) -> Result<[&Path; 2]> {
         match (&self.facts.source, &self.facts.target) {
             (Some(source), Some(target)) => Ok([Path::new(source), Path::new(target)]),
@@ -40,26 +40,27 @@ impl SavedResult {
         }
     }
 
-    /// How they were thinned before they were registered.
+    /// Returns the downsampling before registration.
     pub fn thinning(&self) -> Downsampling {
         self.facts.thinning()
     }
 
-    /// Whether rows that mark measurements without a return were kept, or there were none.
+    /// Returns whether rows that mark measurements without a return were kept, or none were
+    /// present.
     pub fn keeps_no_returns(&self) -> bool {
         let ends = self.facts.first().points.as_ref();
         ends.is_none_or(|ends| ends.source.no_returns + ends.target.no_returns == 0)
     }
 
-    /// Where their sensors stood.
+    /// Returns the source of the sensor viewpoints.
     pub fn viewpoints(&self) -> ViewpointSource {
         self.facts.viewpoints.unwrap_or_default()
     }
 
-    /// The report on the clouds, read and thinned again.
+    /// Creates the report on the clouds, which were read and downsampled again.
     ///
     /// # Errors
-    /// [`Error::Parse`] where they have other numbers of points than then.
+    /// [`Error::Parse`] if their numbers of points differ from those in the result.
     pub fn pair<'a>(
         &self,
         source: &'a PointCloud,
@@ -67,7 +68,7 @@ impl SavedResult {
     ) -> Result<PairReport<'a>> {
         let ends = self.facts.first().points.as_ref();
         let counted = ends.map(|ends| [(&ends.source, source), (&ends.target, target)]);
-        // Of consensus `used` leaves out what lies at a sensor's limit.
+        // For consensus, `used` excludes points at the maximum range of a sensor.
         for (then, cloud) in counted.into_iter().flatten() {
             if then.used > cloud.len() || then.dropped != cloud.dropped() {
                 let what = format!(

@@ -1,4 +1,4 @@
-//! Pages with a table: one row a pair or a scheme, the worst first.
+//! Pages with a table: one row per pair or scheme, the worst first.
 
 use std::path::Path;
 
@@ -11,14 +11,14 @@ use crate::error::{Error, Result};
 use crate::figure::Figure;
 use crate::io;
 
-/// A page with a table that can be sorted.
+/// A page with a sortable table.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct TablePage {
     /// Title of the page.
     pub title: String,
     /// Sentences above the table.
     pub lines: Vec<String>,
-    /// Curves above it, each an SVG of our own, with what it shows.
+    /// Curves above the table, each an SVG made here, with its description.
     pub curves: Vec<(String, String)>,
     /// Names of the columns.
     pub columns: Vec<&'static str>,
@@ -30,12 +30,12 @@ pub struct TablePage {
     pub version: &'static str,
 }
 
-/// A row.
+/// A row of the table.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct TableRow {
     /// `good`, `unsure` or `bad`.
     pub tone: &'static str,
-    /// One a column.
+    /// One cell per column.
     pub cells: Vec<TableCell>,
     /// The page of the pair, relative to this one.
     pub link: Option<String>,
@@ -43,33 +43,33 @@ pub struct TableRow {
     pub picture: Option<String>,
 }
 
-/// What stands in a column, and by what it is sorted where that is a number.
+/// The text of a cell, and its sort key if that is a number.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct TableCell {
     text: String,
     number: Option<f64>,
 }
 
-/// Width and height of a row's picture.
+/// Width and height of a row's picture. Chosen by hand.
 const PREVIEW_SIZE: (u32, u32) = (150, 110);
-/// Most points of a cloud on a page that is one of many.
+/// Most points of a cloud on one of many pages. Chosen by hand.
 const MAX_POINTS: usize = 20_000;
-/// Where the pages of pairs are, beside that of the list.
+/// Folder of the pages of pairs, beside the page of the list.
 const PAIR_FOLDER: &str = "pairs";
 
 impl TableCell {
-    /// Words.
+    /// Creates a text cell.
     pub fn text(text: impl Into<String>) -> TableCell {
         TableCell { text: text.into(), number: None }
     }
 
-    /// A number; empty where there is none.
+    /// Creates a number cell; empty without a number.
     pub fn number(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
         TableCell { text: value.map_or_else(String::new, text::format_number), number: value }
     }
 
-    /// A share as percent; empty where there is none.
+    /// Creates a percentage cell from a share; empty without a number.
     pub fn percent(value: Option<f64>) -> TableCell {
         let value = value.filter(|value| value.is_finite());
         TableCell { text: value.map_or_else(String::new, text::format_percent), number: value }
@@ -105,10 +105,10 @@ impl TablePage {
         Ok(())
     }
 
-    /// The page.
+    /// Renders the page.
     ///
     /// # Errors
-    /// [`Error::Io`] where the page cannot be made.
+    /// [`Error::Io`] if rendering fails.
     pub fn html(mut self) -> Result<String> {
         self.pictures = self.rows.iter().any(|row| row.picture.is_some());
         self.version = env!("CARGO_PKG_VERSION");
@@ -124,14 +124,14 @@ impl TablePage {
     }
 }
 
-/// Makes the folder of a list's pages, unless the table would take the place of another page.
+/// Creates the folder of a list's pages, unless the table would replace another page.
 pub(super) fn create_folders(folder: &Path) -> Result<()> {
     check_overwrite(&folder.join("index.html"))?;
     let pairs = folder.join(PAIR_FOLDER);
     std::fs::create_dir_all(&pairs).map_err(|error| Error::io(&pairs, error))
 }
 
-/// Refuses to write over what is no page of this program.
+/// Refuses to overwrite a file that is no page of this program.
 fn check_overwrite(path: &Path) -> Result<()> {
     if !path.exists() || page::is_report_page(path) {
         return Ok(());

@@ -9,16 +9,16 @@ use crate::error::Result;
 use crate::math;
 use crate::search;
 
-/// A pose in the ways in which it is written.
+/// A pose in several notations.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct PoseText {
     pub(super) title: &'static str,
     pub(super) probability: Option<String>,
-    /// Rows, each number as short as it is read back from.
+    /// Rows, each number with the fewest digits that read back exactly.
     pub(super) matrix: Vec<Vec<String>>,
-    /// All of it, to be copied.
+    /// The whole matrix, for copying.
     pub(super) matrix_text: String,
-    /// Rows rounded, to be read.
+    /// Rounded values, for reading.
     pub(super) axis_angle: String,
     pub(super) axis_angle_text: String,
     pub(super) quaternion: String,
@@ -63,7 +63,7 @@ impl PoseText {
     }
 }
 
-/// How far the pose may be off, if it is right.
+/// Uncertainty of the pose, if it is correct.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Uncertainty {
     pub(super) rotation: String,
@@ -72,7 +72,7 @@ pub(super) struct Uncertainty {
 }
 
 impl Uncertainty {
-    /// Root mean squares over the three axes, one standard deviation each.
+    /// Computes the root mean squares over the three axes, one standard deviation each.
     pub(super) fn new(spread: &Spread) -> Uncertainty {
         let root = |first: usize| {
             let trace: f64 = (first..first + 3).map(|k| spread.matrix[k][k]).sum();
@@ -86,7 +86,7 @@ impl Uncertainty {
     }
 }
 
-/// How the clouds lie on each other, in words.
+/// Describes the fit of the clouds.
 pub(super) fn fit_rows(facts: &Facts) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
     if let Some(verdict) = &facts.verdict {
@@ -116,24 +116,24 @@ pub(super) fn fit_rows(facts: &Facts) -> Vec<(&'static str, String)> {
     rows
 }
 
-/// How many points are how far from the other cloud.
+/// A histogram of the distances of points to the other cloud.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Histogram {
-    /// Heights as shares of the highest, from 0 on, and what each bar says.
+    /// Heights as shares of the highest, from 0 on, and the label of each bar.
     pub(super) bars: Vec<(f64, String)>,
-    /// Share of the points beyond the last.
+    /// Share of the points beyond the last bar.
     pub(super) beyond: String,
-    /// Where along the bars the largest distance that counts lies, as a share.
+    /// Position of the inlier distance along the bars, as a share.
     pub(super) near: f64,
     pub(super) near_text: String,
     pub(super) most_text: String,
 }
 
-/// Bars of a histogram.
+/// Bars of a histogram. Chosen by hand.
 const BIN_COUNT: usize = 40;
 
 impl Histogram {
-    /// Of distances up to `most`.
+    /// Counts distances up to `most`.
     pub(super) fn new(distances: &[f32], most: f64, near: f64) -> Histogram {
         let mut counts = [0usize; BIN_COUNT];
         let mut beyond = 0;
@@ -161,7 +161,7 @@ impl Histogram {
     }
 }
 
-/// What a cloud is.
+/// The properties of a cloud.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Input {
     pub(super) name: String,
@@ -207,10 +207,10 @@ pub(super) fn inputs(
     Ok([input(0)?, input(1)?])
 }
 
-/// Ratio of sizes from which on clouds may be in different units.
+/// Ratio of sizes above which clouds may be in different units. Chosen by hand.
 const MAX_SIZE_RATIO: f64 = 50.0;
 
-/// What is to be said where one cloud is very much larger.
+/// Returns a message if one cloud is very much larger.
 pub(super) fn unit_warning([source, target]: [f64; 2], scale: f64) -> Option<String> {
     let ratio = (source * scale).max(target) / (source * scale).min(target);
     let smaller = if source * scale < target { "source" } else { "target" };
@@ -227,7 +227,7 @@ pub(super) fn unit_warning([source, target]: [f64; 2], scale: f64) -> Option<Str
 pub(super) struct Stage {
     pub(super) name: String,
     pub(super) seconds: String,
-    /// Of the longest.
+    /// Share of the longest.
     pub(super) share: f64,
 }
 
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(read(&posed.matrix_text), pose.matrix().as_flattened());
         let [x, y, z, w] = read(&posed.quaternion_text).try_into().unwrap();
         assert!((x * x + y * y + z * z + w * w - 1.0).abs() < 1e-12);
-        // R = I + 2 w [v] + 2 [v]²: one entry tells the sign.
+        // R = I + 2 w [v] + 2 [v]²: one entry determines the sign.
         assert!((2.0 * (x * y + z * w) - pose.rotation[1][0]).abs() < 1e-12);
         let vector = read(&posed.axis_angle_text);
         assert!((vector[1] - 2.0).abs() < 1e-12);

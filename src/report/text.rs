@@ -1,21 +1,21 @@
-//! What a report says in words.
+//! Text of a report.
 
 use serde::Serialize;
 
 use super::facts::Facts;
 
-/// What a person is told first.
+/// The headline of a page.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Headline {
-    /// `good`, `unsure` or `bad`: how it is coloured, beside what it says.
+    /// `good`, `unsure` or `bad`: the colour, in addition to the text.
     pub(super) tone: &'static str,
-    /// A sign that stands for it without colour.
+    /// A symbol for the tone without colour.
     pub(super) sign: &'static str,
     pub(super) title: String,
     pub(super) line: String,
-    /// What speaks for and against, a sentence each.
+    /// Evidence for and against the pose, one sentence each.
     pub(super) reasons: Vec<String>,
-    /// Grounds for doubt that no reason tells.
+    /// Warnings that no reason contains.
     pub(super) doubts: Vec<String>,
 }
 
@@ -120,7 +120,7 @@ impl Headline {
     }
 }
 
-/// A probability or share in percent, never rounded to certainty.
+/// Formats a probability or share in percent, never rounded to certainty.
 pub(super) fn format_percent(share: f64) -> String {
     let percent = 100.0 * share;
     match percent {
@@ -131,7 +131,7 @@ pub(super) fn format_percent(share: f64) -> String {
     }
 }
 
-/// A number with four digits, without an exponent where that is short.
+/// Formats a number with four digits, without an exponent if that is short.
 pub(super) fn format_number(value: f64) -> String {
     if value == 0.0 {
         return "0".into();
@@ -154,7 +154,7 @@ pub(super) fn format_number(value: f64) -> String {
     }
 }
 
-/// A count with spaces between thousands.
+/// Formats a count with spaces between thousands.
 pub(super) fn format_count(count: usize) -> String {
     let digits = count.to_string();
     let first = digits.len() % 3;
@@ -166,7 +166,7 @@ pub(super) fn format_count(count: usize) -> String {
     groups.join("\u{202f}")
 }
 
-/// What the size of a cloud says of its unit, if it is that of usual things.
+/// Describes the probable unit of a cloud from its size, for objects of usual size.
 pub(super) fn guess_unit(diagonal: f64) -> &'static str {
     match diagonal {
         d if d < 0.02 => "very small for metres",
@@ -179,14 +179,14 @@ pub(super) fn guess_unit(diagonal: f64) -> &'static str {
     }
 }
 
-/// Names of files without their folders, where these do not tell them apart.
+/// Returns the names of files without their folders, if these names differ.
 pub(super) fn distinct_names(names: &[String; 2]) -> [String; 2] {
     let last = |name: &String| name.rsplit(['/', '\\']).next().unwrap_or(name).to_string();
     let short = names.each_ref().map(last);
     if short[0] == short[1] || short.iter().any(String::is_empty) { names.clone() } else { short }
 }
 
-/// With a capital, and a full stop.
+/// Capitalises the first letter, and adds a full stop.
 pub(super) fn to_sentence(text: &str) -> String {
     let mut letters = text.chars();
     let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();

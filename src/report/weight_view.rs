@@ -1,4 +1,4 @@
-//! The weights as a page shows them: connections as lines, W as a picture.
+//! The weights as a page shows them: correspondences as lines, W as an image.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -9,49 +9,49 @@ use crate::cloud::Transform;
 use crate::math::{self, Vec3};
 use crate::method::{WeightBlock, WeightGraph, WeightedLink};
 
-/// Connections and W. Numbers are base64 of little-endian arrays.
+/// Weighted links and W. Numbers are base64 of little-endian arrays.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct WeightView {
-    /// Whether all was connected with all; else there were matches.
+    /// Whether all points were connected with all; otherwise there were correspondences.
     pub(super) full: bool,
-    /// How many connections there are, and how many are drawn.
+    /// Numbers of links, and of drawn links.
     pub(super) links: usize,
     pub(super) drawn: usize,
-    /// Those of the drawn ones whose ends the pose brings together.
+    /// Drawn links whose ends coincide at the pose.
     pub(super) right: usize,
-    /// Ends about the middles of their clouds, three f32 each.
+    /// Ends relative to the middles of their clouds, three f32 each.
     pub(super) from: String,
     pub(super) onto: String,
-    /// Whether the pose brings the ends together, a u8 each.
+    /// Whether the ends coincide at the pose, a u8 each.
     pub(super) agree: String,
     pub(super) matrix: WeightMatrixView,
 }
 
-/// W between points that the pose brings together, as many rows as columns.
+/// W between points that coincide at the pose, with as many rows as columns.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct WeightMatrixView {
     pub(super) side: usize,
-    /// Rows at the end, of points that the pose puts on nothing.
+    /// Rows at the end, of points without a counterpart at the pose.
     pub(super) alone: usize,
     /// Weights as shares of the largest, by their square root, a u8 each, row by row; rows and
     /// columns along the cloud's longest axis.
     pub(super) weights: String,
-    /// The places in that order of rows in the order of their looks, a u16 each.
+    /// Row indices in the order of descriptors, a u16 each.
     pub(super) by_looks: String,
-    /// How many times the mean weight stands on the diagonal, of rows that are not alone.
+    /// Mean weight on the diagonal relative to the overall mean, for rows with a counterpart.
     pub(super) diagonal: Option<String>,
 }
 
-/// Most lines.
+/// Most lines. Chosen by hand.
 const MAX_LINES: usize = 400;
-/// Distances, in largest distances that count, up to which ends of a full connection are brought
-/// together.
+/// Distance, in inlier distances, up to which the ends of a link of the full connection coincide.
+/// Chosen by hand.
 const CLOSE_PAIR_FACTOR: f64 = 3.0;
-/// Share of the weights that is darker than the darkest.
+/// Share of the weights above the darkest tone. Chosen by hand.
 const CLIPPED_SHARE: f64 = 0.002;
 
 impl WeightView {
-    /// `middles` are what places are told relative to; `near` the largest distance that counts.
+    /// Builds the view. Positions are relative to `middles`; `near` is the inlier distance.
     pub(super) fn new(
         connections: &WeightGraph,
         pose: &Transform,
@@ -88,7 +88,8 @@ impl WeightView {
     }
 }
 
-/// The heaviest; of matches, which weigh what the pose makes of them, an even choice.
+/// Selects the links with the largest weights; of correspondences, whose weights depend on the
+/// pose, an even selection.
 fn sample_links(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
     let step = if full { 1 } else { links.len().div_ceil(MAX_LINES).max(1) };
     links.iter().step_by(step).take(MAX_LINES).copied().collect()
@@ -154,9 +155,9 @@ mod tests {
             weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
         };
         let square = WeightMatrixView::new(&matrix, &source, 1.0);
-        // By place: the second, the first; the third stands alone.
+        // By position: the second, the first; the third has no counterpart.
         assert_eq!(STANDARD.decode(&square.weights).unwrap(), [255, 0, 0, 0, 255, 0, 0, 128, 0]);
-        // By looks: the first, the second.
+        // By descriptor: the first, the second.
         assert_eq!(STANDARD.decode(&square.by_looks).unwrap(), [1, 0, 0, 0, 2, 0]);
         assert_eq!((square.alone, square.diagonal.as_deref()), (1, Some("4")));
     }

@@ -1,12 +1,12 @@
-//! The footer of a file: which columns there are, and where their chunks lie. Every number in it
-//! is weighed against the file.
+//! The footer of a file: its columns and the positions of their chunks. Every number in it is
+//! checked against the file.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 use super::thrift::{Result, Thrift, ThriftType};
 
-/// Metadata of a column that is read.
+/// Physical type of a column that is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PhysicalType {
     Flag,
@@ -18,32 +18,32 @@ pub(super) enum PhysicalType {
 }
 
 impl PhysicalType {
-    /// Least bytes of a value of a dictionary.
+    /// Returns the least bytes of a dictionary value.
     pub(super) fn min_bytes(self) -> usize {
         match self {
             PhysicalType::Flag => 1,
             PhysicalType::Int32 | PhysicalType::Float => 4,
-            // Its length is before a text.
+            // A text is preceded by its length.
             PhysicalType::Text => 4,
             PhysicalType::Int64 | PhysicalType::Double => 8,
         }
     }
 }
 
-/// A column that is wanted.
+/// A requested column.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LeafColumn {
-    /// Which of the wanted ones it is.
+    /// Index among the requested columns.
     pub(super) wanted: usize,
-    /// Which of all columns of the file.
+    /// Index among all columns of the file.
     at: usize,
-    /// `None` for what is not read: nested columns, dates, decimals and the like.
+    /// `None` for columns that are not read: nested columns, dates, decimals and the like.
     pub(super) physical: Option<PhysicalType>,
     pub(super) optional: bool,
     pub(super) unsigned: bool,
 }
 
-/// Where the values of a column are, for the rows of one group.
+/// The position of a column's values, for the rows of one group.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ColumnChunk {
     pub(super) start: u64,
@@ -51,7 +51,7 @@ pub(super) struct ColumnChunk {
     pub(super) snappy: bool,
 }
 
-/// Some thousand rows, or however many were written together.
+/// A group of some thousand rows, or any number that was written together.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RowGroup {
     pub(super) rows: u64,
@@ -63,7 +63,7 @@ pub(super) struct RowGroup {
 pub(super) struct Footer {
     pub(super) leaves: Vec<LeafColumn>,
     pub(super) groups: Vec<RowGroup>,
-    /// The value of the key that was asked for, in the metadata of the file.
+    /// The value of the requested key in the metadata of the file.
     pub(super) metadata_value: Option<String>,
 }
 
@@ -72,8 +72,7 @@ const MAGIC: &[u8; 4] = b"PAR1";
 const TAIL_BYTES: u64 = 8;
 
 impl Footer {
-    /// Reads the footer of a file of `size` bytes with what it says of the columns `wanted`, and
-    /// under `key`.
+    /// Reads the footer of a file of `size` bytes: the columns `wanted`, and the value under `key`.
     ///
     /// # Errors
     /// A message that says how the file is broken.
@@ -104,7 +103,7 @@ impl Footer {
         Ok(parsed.map_err(|what| format!("footer: {what}")))
     }
 
-    /// `end` is where the chunks must end.
+    /// Parses the footer; the chunks must end before `end`.
     fn parse(bytes: &[u8], end: u64, wanted: &[&str], key: &str) -> Result<Footer> {
         let mut footer = Footer::default();
         let mut columns = None;
@@ -143,16 +142,16 @@ impl Footer {
         Ok(footer)
     }
 
-    /// The column that is the wanted one of that number.
+    /// Returns the column of that index among the requested ones.
     pub(super) fn leaf(&self, wanted: usize) -> Option<&LeafColumn> {
         self.leaves.iter().find(|leaf| leaf.wanted == wanted)
     }
 }
 
-/// The columns, as the elements of the schema come: a group before what is in it.
+/// The columns, in the order of the schema's elements: a group before its members.
 #[derive(Default)]
 struct Schema {
-    /// Elements that are yet to come of each group that is open.
+    /// Remaining elements of each open group.
     open: Vec<i64>,
     begun: bool,
     columns: usize,
@@ -190,7 +189,7 @@ impl Schema {
             if self.leaves.iter().any(|leaf| leaf.wanted == wanted) {
                 return Err(format!("it has two columns {}", String::from_utf8_lossy(name)));
             }
-            // Whole numbers as such or of so many bits, with a sign or without.
+            // Integers without an annotation or with a bit width, signed or unsigned.
             let whole = matches!(converted, None | Some(11..=18));
             let physical = match physical.filter(|_| repetition < 2 && !group) {
                 Some(0) => Some(PhysicalType::Flag),
@@ -213,7 +212,7 @@ impl Schema {
     }
 }
 
-/// An entry of the metadata of a file: a name and a value.
+/// Reads an entry of a file's metadata: a name and a value.
 fn read_key_value<'a>(thrift: &mut Thrift<'a>) -> Result<(&'a [u8], &'a [u8])> {
     let (mut name, mut value): (&[u8], &[u8]) = (&[], &[]);
     thrift.fields(|thrift, field, kind| {
@@ -265,7 +264,7 @@ fn read_row_group(
     Ok(RowGroup { rows, chunks: placed })
 }
 
-/// Where a column of a group is, and how many values it has.
+/// Reads the position of a column of a group, and its number of values.
 fn read_column_chunk(thrift: &mut Thrift<'_>, end: u64) -> Result<(ColumnChunk, u64)> {
     let (mut codec, mut values, mut length, mut data, mut dictionary) = (0, -1, -1, -1, None);
     let mut elsewhere = false;

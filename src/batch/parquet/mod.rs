@@ -1,9 +1,9 @@
-//! Parquet: the only place that names the crate.
+//! Parquet: the only module that uses the crate `parquet`.
 //!
-//! A file is not believed. The crate reserves what footers and headers of pages claim, and a claim
-//! of 599 bytes may be of 844 TB: footer and headers are read and weighed here ([`footer`],
-//! [`pages`]), columns that nobody asked for are not looked at, and the crate decodes pages that
-//! are known to be what they say. A panic within it is an [`Error`] and prints nothing.
+//! Files are not trusted. The crate reserves the sizes claimed in footers and page headers, and a
+//! claim of 599 bytes may be 844 TB: footer and headers are read and checked here ([`footer`],
+//! [`pages`]), columns that were not requested are ignored, and the crate decodes only pages that
+//! were checked. A panic within it is an [`Error`] and prints nothing.
 
 mod footer;
 mod pages;
@@ -31,9 +31,9 @@ use super::{Row, panic_hook};
 use crate::error::{Error, Result};
 use crate::io::limited_file::MemoryBudget;
 
-/// Under which a file has what its run was asked for.
+/// Metadata key of the run's inputs.
 const METADATA_KEY: &str = "cfreg";
-/// Most rows that are decoded at once, and bytes that their texts may take.
+/// Most rows that are decoded at once, and bytes of their texts. Chosen by hand.
 const MAX_ROWS_AT_ONCE: usize = 1024;
 const MAX_TEXT_BYTES_AT_ONCE: usize = 8 << 20;
 /// Most bytes of a text. Chosen by hand: names and reasons are some hundred bytes long.
@@ -42,7 +42,8 @@ const MAX_TEXT_BYTES: usize = 1 << 20;
 /// Calls `take` with the number (from 1) and the two `columns` of each row.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet or has no such columns of text.
+/// [`Error::Io`]; [`Error::Parse`] for a file that is not Parquet or has no text columns of these
+/// names.
 pub(super) fn read_pairs(
     path: &Path,
     columns: [&str; 2],
@@ -88,7 +89,7 @@ pub(super) fn read_rows(
     })
 }
 
-/// The settings that a run wrote into its file.
+/// Returns the settings that a run wrote into its file.
 ///
 /// # Errors
 /// Those of [`rows`].
@@ -99,12 +100,12 @@ pub(super) fn read_run_header(path: &Path) -> Result<Option<Value>> {
     })
 }
 
-/// Calls `work` with a file. The crate is not proof against every file that was made to break it.
+/// Calls `work` with a file. Panics are caught, because a malformed file may make the crate panic.
 fn with_open_file<T>(path: &Path, work: impl FnOnce(UnreadFile<'_>) -> Result<T>) -> Result<T> {
     let failed = |error| Error::io(path, error);
     let facts = fs::metadata(path).map_err(failed)?;
     if !facts.is_file() {
-        // Its end, where the footer is, must be known.
+        // The position of its end, which holds the footer, must be known.
         let what = if facts.is_dir() { "is a directory" } else { "is not a regular file" };
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, what)));
     }
@@ -150,19 +151,19 @@ impl<'a> UnreadFile<'a> {
     }
 }
 
-/// A file with the columns that are wanted.
+/// A file with the requested columns.
 struct ParquetTable<'a> {
     path: &'a Path,
     file: File,
     footer: Footer,
-    /// Names of the columns that are there.
+    /// Names of the columns present.
     names: Vec<String>,
     budget: MemoryBudget,
 }
 
 impl ParquetTable<'_> {
-    /// Calls `take` with the number (from 1) of each row, and what gives its cell in a wanted
-    /// column.
+    /// Calls `take` with the number (from 1) of each row and a function that returns its cell in a
+    /// requested column.
     fn for_each_row<'c>(
         &mut self,
         mut take: impl for<'r> FnMut(usize, &'r dyn Fn(usize) -> Option<&'r Value>) -> Result<()>,
@@ -217,7 +218,7 @@ impl ParquetTable<'_> {
     }
 }
 
-/// Reads so many values of a column, the next ones.
+/// Reads the given number of next values of a column.
 type ColumnDecoder = Box<dyn FnMut(usize) -> std::result::Result<Vec<Value>, String>>;
 
 fn column_decoder(

@@ -1,5 +1,5 @@
-//! The pages of a column: their headers are weighed against the bytes that are there, all before
-//! the first one is unpacked, and the crate decodes what is in them.
+//! The pages of a column: all headers are checked against the bytes present before the first page
+//! is unpacked; the crate decodes the contents.
 
 use std::collections::VecDeque;
 
@@ -11,10 +11,10 @@ use parquet::errors::ParquetError;
 use super::footer::PhysicalType;
 use super::thrift::{Result, Thrift, ThriftType};
 
-/// Most that Snappy makes of a byte, with some for short texts: three bytes copy 64.
+/// Largest expansion of a byte by Snappy: three bytes copy 64. Short texts get some more.
 const MAX_SNAPPY_RATIO: usize = 22;
 const SNAPPY_SLACK_BYTES: usize = 64;
-/// Memory for a value of a dictionary in which texts are.
+/// Memory for a dictionary value, for texts. Chosen by hand.
 const DICTIONARY_VALUE_BYTES: usize = 48;
 
 /// The pages of a column, for the rows of one group.
@@ -26,7 +26,7 @@ pub(super) struct Pages {
     optional: bool,
 }
 
-/// The header of a page, and its place in the chunk.
+/// The header of a page, and its position in the chunk.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct PageHeader {
     at: usize,
@@ -40,11 +40,11 @@ struct PageHeader {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum PageBody {
     Dictionary,
-    /// A data page of the first version; whether levels are packed bits instead of runs.
+    /// A data page of the first version; the variants differ in the levels: runs, or packed bits.
     #[default]
     V1,
     V1PackedLevels,
-    /// A data page of the second version; bytes of its levels, which are not compressed.
+    /// A data page of the second version, with the bytes of its levels, which are not compressed.
     V2 {
         levels: usize,
         nulls: usize,
@@ -52,7 +52,7 @@ enum PageBody {
     },
 }
 
-/// Ways in which values are written, of those that are read.
+/// The supported encodings of values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 enum ValueEncoding {
     #[default]
@@ -65,7 +65,7 @@ enum ValueEncoding {
 }
 
 impl Pages {
-    /// The pages of a chunk that holds `rows` values.
+    /// Reads the page headers of a chunk that holds `rows` values.
     ///
     /// # Errors
     /// A message that says how the header is broken.
@@ -106,17 +106,18 @@ impl Pages {
         Ok(Pages { pages, chunk, snappy, optional })
     }
 
-    /// Bytes of the largest page.
+    /// Returns the bytes of the largest page.
     pub(super) fn largest(&self) -> usize {
         self.pages.iter().map(|page| page.unpacked).max().unwrap_or(0)
     }
 
-    /// Bytes that are in memory at once while pages are decoded: the chunk, a dictionary and a page.
+    /// Returns the peak bytes in memory while pages are decoded: the chunk, a dictionary and a
+    /// page.
     pub(super) fn memory(&self) -> usize {
         let dictionary = |page: &&PageHeader| page.body == PageBody::Dictionary;
         let held = |page: &PageHeader| page.unpacked + DICTIONARY_VALUE_BYTES * page.values;
         let held: usize = self.pages.iter().filter(dictionary).map(held).sum();
-        // The lengths of texts are decoded before the texts.
+        // Text lengths are decoded before the texts.
         let lengths = |page: &PageHeader| match page.encoding {
             ValueEncoding::DeltaLengths => page.values.saturating_mul(size_of::<i32>()),
             _ => 0,
@@ -182,8 +183,8 @@ impl Pages {
 }
 
 impl Pages {
-    /// How many values the numbers of a page claim to be, that are written by their differences:
-    /// the third number of those, which stand behind the levels.
+    /// Returns the number of values that a delta-encoded page claims: the third number of the
+    /// encoded data, which follows the levels.
     fn delta_count(&self, header: &PageHeader, page: &[u8]) -> Option<u64> {
         let levels = match header.body {
             PageBody::V2 { levels, .. } => levels,
@@ -200,7 +201,7 @@ impl Pages {
 }
 
 impl PageHeader {
-    /// Weighs what the header says against the bytes of its page.
+    /// Checks the header against the bytes of its page.
     fn check(
         &self,
         chunk: &[u8],
@@ -265,7 +266,7 @@ impl PageHeader {
         if !fits {
             return Err(format!("values of this kind cannot be {:?}", self.encoding.as_crate()));
         }
-        // Levels say which are there; without them all must be.
+        // Levels mark missing values; without levels no value may be missing.
         if let PageBody::V2 { levels, nulls, .. } = self.body
             && (nulls > self.values || (!optional && (nulls > 0 || levels > 0)))
         {
@@ -276,7 +277,7 @@ impl PageHeader {
 }
 
 impl ValueEncoding {
-    /// By its number in a header.
+    /// Returns the encoding by its number in a header.
     fn from_code(code: i64) -> Result<ValueEncoding> {
         Ok(match code {
             0 => ValueEncoding::Plain,
@@ -302,7 +303,7 @@ impl ValueEncoding {
     }
 }
 
-/// A header as it is in the file.
+/// A header as in the file.
 #[derive(Debug, Default)]
 struct RawPageHeader {
     kind: i64,
@@ -312,7 +313,7 @@ struct RawPageHeader {
     encoding: i64,
     levels: i64,
     nulls: i64,
-    /// Bytes of the levels of lists, which none of the columns is.
+    /// Bytes of the levels of lists; no requested column is a list.
     repeated: i64,
     packed_levels: bool,
     plain: bool,
@@ -360,7 +361,7 @@ impl RawPageHeader {
         })
     }
 
-    /// The header of a page of values; `None` for pages of another kind.
+    /// Converts to the header of a page of values; `None` for pages of another kind.
     fn header(&self, at: usize, packed: usize, snappy: bool) -> Result<Option<PageHeader>> {
         let number = |number: i64, what: &str| {
             let number = i32::try_from(number).ok().and_then(|number| usize::try_from(number).ok());

@@ -1,10 +1,10 @@
-//! Thrift's compact protocol, in which Parquet has its footer and the headers of its pages: read
-//! from bytes that are there, so that no length is believed and nothing is reserved.
+//! Thrift's compact protocol, the encoding of Parquet footers and page headers. It is read from the
+//! bytes present, so that no length is trusted and nothing is reserved.
 
 /// A message that says how the bytes are broken.
 pub(super) type Result<T> = std::result::Result<T, String>;
 
-/// Structs within structs that are followed. Those of Parquet are six deep.
+/// Most levels of nested structs. Those of Parquet are six deep.
 const MAX_DEPTH: usize = 24;
 
 /// The type of a value.
@@ -21,7 +21,7 @@ pub(super) enum ThriftType {
     Uuid,
 }
 
-/// Bytes, and how far they are read.
+/// Bytes, and the read position.
 pub(super) struct Thrift<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -33,7 +33,7 @@ impl<'a> Thrift<'a> {
         Thrift { bytes, at: 0, depth: 0 }
     }
 
-    /// How many bytes were read.
+    /// Returns the number of bytes read.
     pub(super) fn position(&self) -> usize {
         self.at
     }
@@ -50,7 +50,7 @@ impl<'a> Thrift<'a> {
         Ok(self.bytes(1)?[0])
     }
 
-    /// A whole number without a sign.
+    /// Reads an unsigned integer.
     pub(super) fn varint(&mut self) -> Result<u64> {
         let mut value = 0;
         for shift in (0..64).step_by(7) {
@@ -63,26 +63,26 @@ impl<'a> Thrift<'a> {
         Err("it has a number of more than 64 bits".into())
     }
 
-    /// A whole number.
+    /// Reads a signed integer.
     pub(super) fn integer(&mut self) -> Result<i64> {
         let value = self.varint()?;
         Ok((value >> 1) as i64 ^ -((value & 1) as i64))
     }
 
-    /// A text or other bytes.
+    /// Reads a text or other bytes.
     pub(super) fn binary(&mut self) -> Result<&'a [u8]> {
         let count = self.varint()?;
         self.bytes(count)
     }
 
-    /// Calls `take` for each element of a list, which it is to read.
+    /// Calls `take` for each element of a list; `take` must read it.
     pub(super) fn list(
         &mut self,
         mut take: impl FnMut(&mut Self, ThriftType) -> Result<()>,
     ) -> Result<()> {
         let head = self.byte()?;
         let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
-        // Each element has a byte at least.
+        // Each element has at least one byte.
         if count > (self.bytes.len() - self.at) as u64 {
             return Err(format!("it claims a list of {count}, for which there are no bytes"));
         }
@@ -90,8 +90,8 @@ impl<'a> Thrift<'a> {
         (0..count).try_for_each(|_| take(self, kind))
     }
 
-    /// Calls `take` for each field of a struct, by its number; what it does not read, for which it
-    /// gives `false`, is skipped.
+    /// Calls `take` for each field of a struct, by its number; a field for which it returns `false`
+    /// is skipped.
     pub(super) fn fields(
         &mut self,
         mut take: impl FnMut(&mut Self, i64, ThriftType) -> Result<bool>,
@@ -116,14 +116,14 @@ impl<'a> Thrift<'a> {
             if !(1..=i64::from(i16::MAX)).contains(&number) {
                 return Err(format!("it has a field {number}"));
             }
-            // Flags are in the head of their field.
+            // Flags are in the header of their field.
             if !take(self, number, kind)? && !matches!(kind, ThriftType::Flag(_)) {
                 self.skip(kind)?;
             }
         }
     }
 
-    /// Passes over an element of a list, or a field that is not a flag.
+    /// Skips an element of a list, or a field that is not a flag.
     pub(super) fn skip(&mut self, kind: ThriftType) -> Result<()> {
         match kind {
             ThriftType::Flag(_) | ThriftType::Byte => self.byte().map(drop),
@@ -211,7 +211,7 @@ mod tests {
         ] {
             assert!(read(bytes).is_err(), "{bytes:?}");
         }
-        // Structs, and lists, within each other for a megabyte.
+        // Nested structs, and lists, for a megabyte.
         assert!(read(&[0x1c; 1 << 20]).unwrap_err().contains("deep"));
         assert!(read(&[&[0x19][..], &[0x19; 1 << 20]].concat()).unwrap_err().contains("deep"));
     }

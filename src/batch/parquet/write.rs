@@ -19,7 +19,7 @@ use crate::batch::Row;
 use crate::batch::columns::CellValue;
 use crate::error::{Error, Result};
 
-/// Rows that are in memory at once, when they are written.
+/// Rows in memory at once while writing. Chosen by hand.
 const ROW_GROUP_SIZE: usize = 8192;
 
 /// Writes rows, every column but `index`, `source` and `target` nullable.
@@ -58,7 +58,7 @@ pub(in crate::batch) fn write(
     Ok(())
 }
 
-/// What the system said, where it was the system.
+/// Extracts the operating system's error, if there is one.
 fn into_io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(source) => match source.downcast::<io::Error>() {

@@ -1,10 +1,10 @@
-//! The header of a PCD file, weighed before pcd-rs reads it.
+//! The header of a PCD file, checked before pcd-rs reads it.
 
 use std::collections::HashMap;
 
 use crate::io::content_error::{ContentError, MAX_HEADER_BYTES, quote_start, truncate_message};
 
-/// The header as text, with what is needed to tell where it is wrong.
+/// The header as text, with the positions of its entries for error messages.
 #[derive(Default)]
 pub(super) struct PcdHeader {
     pub text: String,
@@ -12,20 +12,20 @@ pub(super) struct PcdHeader {
     /// The line of each entry, by its keyword.
     lines: HashMap<String, usize>,
     pub last: usize,
-    /// Comments, without the line that says what the file is.
+    /// Comments, without the line that identifies the format.
     pub comments: usize,
 }
 
 impl PcdHeader {
-    /// Finds the end of the header and checks each entry's numbers on the way: pcd-rs
-    /// says neither which entry was no number nor that one was there twice.
+    /// Finds the end of the header and checks the numbers of each entry: pcd-rs reports neither the
+    /// entry that is no number nor a repeated entry.
     pub fn parse(content: &[u8]) -> Result<PcdHeader, ContentError> {
         let start = &content[..content.len().min(MAX_HEADER_BYTES)];
         let mut head = PcdHeader::default();
         for line in start.split_inclusive(|&byte| byte == b'\n') {
             head.bytes += line.len();
             head.last += 1;
-            // Comments come in any encoding; everything that counts is ascii.
+            // Comments come in any encoding; all other header text is ascii.
             let line = String::from_utf8_lossy(line);
             head.text.push_str(&line);
             head.comments += usize::from(line.contains('#') && !line.starts_with("# .PCD"));
@@ -44,7 +44,7 @@ impl PcdHeader {
         Err(ContentError::new(format!("there is no DATA entry in the first {} bytes", start.len())))
     }
 
-    /// A fault in the entry `keyword`.
+    /// Creates an error in the entry `keyword`.
     pub fn at(&self, keyword: &str, what: String) -> ContentError {
         match self.lines.get(keyword) {
             Some(&line) => ContentError::line(line, what),
@@ -52,7 +52,7 @@ impl PcdHeader {
         }
     }
 
-    /// The refusal of pcd-rs, with the line of the entry that it speaks of.
+    /// Converts an error of pcd-rs, with the line of the entry that it names.
     pub fn fault(&self, error: pcd_rs::Error) -> ContentError {
         let what = match error {
             pcd_rs::Error::ParseError { desc, .. } => desc,
@@ -64,7 +64,7 @@ impl PcdHeader {
     }
 }
 
-/// Checks that an entry's values are the numbers that its keyword calls for.
+/// Checks that an entry's values are the numbers that its keyword requires.
 fn check_numbers<'a>(
     keyword: &str,
     mut values: impl Iterator<Item = &'a str>,

@@ -1,21 +1,21 @@
-//! LZF, by which PCD compresses. pcd-rs keeps its own to itself, and makes two copies.
+//! LZF, the compression of PCD. The decoder of pcd-rs is private and makes two copies.
 
-/// Bytes that one can be unpacked to at most: 264 that are spelled in 3.
+/// Most bytes that one byte unpacks to: 264 bytes are encoded in 3.
 pub(super) const EXPANSION: u64 = 88;
 
-/// The `size` bytes that `packed` unpacks to; the error says what is wrong with it.
+/// Unpacks `packed` to `size` bytes; the error describes its first fault.
 pub(super) fn decompress(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::with_capacity(size);
     let mut rest = packed;
     while let Some((&first, after)) = rest.split_first() {
         if first < 32 {
-            // One byte more than it says, as they are.
+            // A literal run of one byte more than the count.
             let run = after.split_at_checked(usize::from(first) + 1);
             let (run, after) = run.ok_or("a literal run is longer than the data")?;
             bytes.extend_from_slice(run);
             rest = after;
         } else {
-            // Bytes that came before: how many in three bits, or one byte more; then how far back.
+            // A back reference: the length in three bits, or one byte more; then the offset.
             let ends = "a back reference is cut off";
             let (length, after) = match usize::from(first >> 5) {
                 7 => {
@@ -31,7 +31,7 @@ pub(super) fn decompress(packed: &[u8], size: usize) -> Result<Vec<u8>, String> 
             if bytes.len() + length + 2 > size {
                 return Err(format!("there are more than {size} bytes"));
             }
-            // It may run into what it writes.
+            // The reference may overlap its own output.
             (start..start + length + 2).for_each(|at| bytes.push(bytes[at]));
             rest = after;
         }

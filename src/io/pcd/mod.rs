@@ -1,9 +1,9 @@
 //! PCD, the format of the Point Cloud Library.
 //!
-//! pcd-rs reads the header. Bodies are read here: it takes memory for sizes in the file unseen,
-//! three times what a compressed body unpacks to, and rounds ascii to the declared type first (a
-//! float x of 5600000.3 becomes 5600000.5) without saying which line was wrong. Files are written
-//! here, because its writer panics when it is dropped after an error.
+//! pcd-rs reads the header. Bodies are read here: pcd-rs allocates the sizes in the file without a
+//! check, three times the unpacked size of a compressed body, and rounds ascii to the declared type
+//! first (a float x of 5600000.3 becomes 5600000.5) without reporting the line of an error. Files
+//! are written here, because its writer panics when it is dropped after an error.
 
 mod header;
 mod lzf;
@@ -21,8 +21,7 @@ use super::lines::Lines;
 use super::table::PointTable;
 use crate::cloud::{PointCloud, find_too_large};
 
-/// Reads the points. A viewpoint of 0 0 0 is what writers put when they know none,
-/// and is taken so.
+/// Reads the points. A viewpoint of 0 0 0 counts as unknown, because writers use it so.
 pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
     let head = PcdHeader::parse(content)?;
     let meta = PcdMeta::from_reader(head.text.as_bytes()).map_err(|error| head.fault(error))?;
@@ -37,7 +36,7 @@ pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
         let what = format!("VIEWPOINT has {value:e}, expected numbers within 1e75 of zero");
         return Err(head.at("VIEWPOINT", what));
     }
-    // A field of several values is no coordinate, and padding is not in a record.
+    // A field of several values is no coordinate, and a record has no padding.
     let fields = || meta.field_defs.iter().filter(|field| !field.is_padding());
     let names = fields().map(|field| (field.count == 1).then_some(field.name.as_str()));
     let columns = ColumnMap::from_names(names).map_err(|what| head.at("FIELDS", what))?;
@@ -75,7 +74,7 @@ pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
     Ok(table.with_viewpoint((viewpoint != [0.0; 3]).then_some(viewpoint)))
 }
 
-/// The parts of the file that a cloud does not have, whatever its points are.
+/// Returns the parts of the file that no cloud has, independent of its points.
 fn differences(head: &PcdHeader, meta: &PcdMeta) -> Differences {
     let mut differences = Differences::default();
     differences.leave_out_all(head.comments, "comment");
@@ -94,7 +93,8 @@ fn differences(head: &PcdHeader, meta: &PcdMeta) -> Differences {
     differences
 }
 
-/// Whether a field of four bytes has red, green and blue in one each: with opacity in the fourth?
+/// Returns whether a field of four bytes with packed red, green and blue also has opacity; `None`
+/// for any other field.
 fn packs_alpha(name: &str) -> Option<bool> {
     match name {
         _ if name.eq_ignore_ascii_case("rgb") => Some(false),
@@ -138,14 +138,14 @@ pub(super) fn write(
     write_binary(out, cloud, layout)
 }
 
-/// Bytes of a point; as many as there can be when the header's numbers overflow.
+/// Returns the bytes of a point; the maximum if the header's numbers overflow.
 fn record_size(meta: &PcdMeta) -> u64 {
     let sizes = meta.field_defs.iter().map(|f| f.count.saturating_mul(f.kind.byte_size() as u64));
     sizes.fold(0, u64::saturating_add)
 }
 
-/// The compressed bytes of a body, and what they unpack to; both sizes are checked against the
-/// points, the file and the memory that it may take.
+/// Returns the compressed bytes of a body and their unpacked size. Checks both sizes against the
+/// points, the file and the memory limit.
 fn check_compressed(
     body: &[u8],
     count: u64,
@@ -187,13 +187,12 @@ struct BinaryField {
     start: usize,
     stride: usize,
     kind: ValueKind,
-    /// Colours in a float, which are read as bits: on the way through f64 those that are a NaN
-    /// would change.
+    /// Colours in a float are read as bits: the conversion to f64 would change those that are NaN.
     as_bits: bool,
 }
 
 impl BinaryField {
-    /// The first value of point `i`.
+    /// Returns the first value of point `i`.
     fn at(&self, bytes: &[u8], i: usize) -> f64 {
         let rest = bytes.get(self.start + i * self.stride..).unwrap_or_default();
         fn first<const N: usize>(rest: &[u8]) -> [u8; N] {
@@ -215,16 +214,16 @@ impl BinaryField {
     }
 }
 
-/// How the points lie in binary.
+/// The order of values in a binary body.
 #[derive(Clone, Copy, PartialEq)]
 enum FieldOrder {
     /// Point after point.
     Points,
-    /// Field after field, as they are compressed.
+    /// Field after field, as in compressed bodies.
     Fields,
 }
 
-/// Reads the points in `bytes`, whose size was checked; all takes `limit` bytes at most.
+/// Reads the points in `bytes`, whose size was checked; total memory is at most `limit` bytes.
 fn parse_binary(
     bytes: &[u8],
     order: FieldOrder,
@@ -271,13 +270,13 @@ fn parse_binary(
     Ok(table)
 }
 
-/// Whether f32 cannot hold all values of a field.
+/// Returns whether f32 cannot hold all values of a field.
 fn is_wide(kind: ValueKind) -> bool {
     use ValueKind::{F64, I32, I64, U32, U64};
     matches!(kind, F64 | I32 | I64 | U32 | U64)
 }
 
-/// Reads a body of one point a line.
+/// Reads a body of one point per line.
 fn parse_ascii(
     content: &[u8],
     head: &PcdHeader,
@@ -286,7 +285,7 @@ fn parse_ascii(
 ) -> Result<PointTable, ContentError> {
     let mut lines = Lines::new(content, head.bytes, head.last);
     let words_a_line = meta.field_defs.iter().fold(0, |sum: u64, f| sum.saturating_add(f.count));
-    // A digit each, and a space between.
+    // One digit per word, and a space between words.
     let smallest = words_a_line.saturating_mul(2) - 1;
     let count = check_claim("points", meta.num_points, smallest, lines.rest().len())
         .map_err(|what| ContentError::line(head.last + 1, what))?;

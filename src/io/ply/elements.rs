@@ -13,43 +13,43 @@ use crate::io::columns::{ColumnKind, Vertex, color, slot};
 use crate::io::content_error::{ContentError, check_claim, quote_start};
 use crate::io::lines::{Lines, number};
 
-/// What is kept of an element.
+/// The data kept from an element.
 pub(super) trait PlyRecord: PropertyAccess {
-    /// Whether the scalar property `name` must be a number.
+    /// Returns whether the scalar property `name` must be a number.
     fn needs(name: &str) -> bool;
 
-    /// Keeps a scalar, NaN for what is no number, if it matters.
+    /// Stores a scalar if it is used, NaN for a value that is no number.
     fn set(&mut self, name: &str, value: f64);
 
-    /// Whether the list property `name` matters.
+    /// Returns whether the list property `name` is used.
     fn takes_list(_name: &str) -> bool {
         false
     }
 
-    /// Keeps a list that matters.
+    /// Stores a list that is used.
     fn set_list(&mut self, _values: Vec<f64>) {}
 }
 
-/// A face, or a place of a range grid: vertices by their index.
+/// A face, or a cell of a range grid: vertices by their index.
 #[derive(Debug, Default)]
 pub(super) struct Face {
     /// `None` when the element has no list of corners.
     pub(super) corners: Option<Vec<f64>>,
 }
 
-/// What the list of corners is called.
+/// Names of the list of corners.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
-/// What follows the header, read element by element.
+/// The body after the header, read element by element.
 pub(super) enum PlyBody<'a> {
-    /// One element a line.
+    /// One element per line.
     Ascii(Lines<'a>),
     /// Element after element from byte `at`.
     Binary { content: &'a [u8], at: usize, big_endian: bool },
 }
 
 impl PlyBody<'_> {
-    /// The count of `element`, if the bytes left can hold it.
+    /// Returns the count of `element`, if the remaining bytes can hold it.
     pub(super) fn check_count(&self, element: &ElementDef) -> Result<usize, ContentError> {
         let smallest = |kind: fn(&PropertyType) -> u64| {
             element.properties.values().map(|property| kind(&property.data_type)).sum()
@@ -57,7 +57,7 @@ impl PlyBody<'_> {
         let what = format!("{} elements", element.name);
         let count = element.count as u64;
         match self {
-            // A digit each, and a space between.
+            // One digit per word, and a space between words.
             PlyBody::Ascii(lines) => {
                 check_claim(&what, count, smallest(|_| 2) - 1, lines.rest().len())
                     .map_err(|what| ContentError::line(lines.number() + 1, what))
@@ -69,7 +69,7 @@ impl PlyBody<'_> {
         }
     }
 
-    /// Where the next element begins, in bytes; 0 where lines are counted.
+    /// Returns the byte at which the next element begins; 0 for ascii.
     pub(super) fn start(&self) -> usize {
         match self {
             PlyBody::Ascii(_) => 0,
@@ -77,7 +77,7 @@ impl PlyBody<'_> {
         }
     }
 
-    /// A fault in the element that was read last, which began at byte `start`.
+    /// Creates an error in the last element read, which began at byte `start`.
     pub(super) fn fault(&self, start: usize, what: String) -> ContentError {
         match self {
             PlyBody::Ascii(lines) => ContentError::line(lines.number(), what),
@@ -85,7 +85,7 @@ impl PlyBody<'_> {
         }
     }
 
-    /// The next element, of which `index` were read before.
+    /// Reads the next element, after `index` earlier ones.
     pub(super) fn next<R: PlyRecord>(
         &mut self,
         element: &ElementDef,
@@ -119,7 +119,7 @@ impl PlyBody<'_> {
     }
 }
 
-/// The element written in `line`; words beyond its properties are ignored.
+/// Parses the element in `line`; words beyond its properties are ignored.
 fn parse_line<R: PlyRecord>(line: &str, element: &ElementDef) -> Result<R, String> {
     let mut row = R::new();
     let mut words = line.split_ascii_whitespace();
@@ -138,7 +138,7 @@ fn parse_line<R: PlyRecord>(line: &str, element: &ElementDef) -> Result<R, Strin
                     let value = |word: &str| {
                         number(word).ok_or_else(|| format!("{name} has {}", quote_start(word)))
                     };
-                    // A claim takes no memory: there are never more values than words.
+                    // The declared length takes no memory: there are never more values than words.
                     let values = words.by_ref().take(length).map(value);
                     let values = values.collect::<Result<Vec<f64>, String>>()?;
                     if values.len() < length {
@@ -158,7 +158,8 @@ pub(super) fn is_scalar(kind: &PropertyType) -> bool {
     matches!(kind, PropertyType::Scalar(_))
 }
 
-/// Colours are whole numbers in one byte or two; `name` is that of the channel.
+/// Returns the kind of a property, colours being whole numbers in one byte or two; `name` is the
+/// channel's name.
 pub(super) fn kind(name: &str, property: &PropertyDef) -> ColumnKind {
     match (color(name), &property.data_type) {
         (Some(_), PropertyType::Scalar(ScalarType::UChar)) => ColumnKind::Color(ColorDepth::Eight),
@@ -169,13 +170,13 @@ pub(super) fn kind(name: &str, property: &PropertyDef) -> ColumnKind {
     }
 }
 
-/// Whether f32 holds all values of a scalar in binary.
+/// Returns whether f32 holds all values of a scalar in binary.
 pub(super) fn is_single(kind: &PropertyType) -> bool {
     use ScalarType::{Char, Float, Short, UChar, UShort};
     matches!(kind, PropertyType::Scalar(Char | UChar | Short | UShort | Float))
 }
 
-/// Bytes that a property takes at least: a list may be empty.
+/// Returns the least bytes of a property: a list may be empty.
 fn smallest_size(kind: &PropertyType) -> u64 {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = kind;
     match scalar {
@@ -186,7 +187,7 @@ fn smallest_size(kind: &PropertyType) -> u64 {
     }
 }
 
-/// `property` as a number; `None` for a list.
+/// Converts `property` to a number; `None` for a list.
 fn scalar(property: &Property) -> Option<f64> {
     Some(match *property {
         Property::Char(value) => value.into(),
@@ -201,7 +202,7 @@ fn scalar(property: &Property) -> Option<f64> {
     })
 }
 
-/// `property` as numbers; `None` for a scalar.
+/// Converts `property` to numbers; `None` for a scalar.
 fn list(property: Property) -> Option<Vec<f64>> {
     fn numbers<T: Into<f64>>(values: Vec<T>) -> Vec<f64> {
         values.into_iter().map(Into::into).collect()
@@ -219,8 +220,8 @@ fn list(property: Property) -> Option<Vec<f64>> {
     })
 }
 
-/// Elements that are skipped go through here too. A list is read whole before it is
-/// let go, one at a time, and never more of it than the file holds.
+/// Skipped elements are also read as this type. A list is read whole and then dropped, one at a
+/// time, and never more than the file holds.
 impl PropertyAccess for Vertex {
     fn new() -> Self {
         Vertex::default()

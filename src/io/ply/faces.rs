@@ -1,12 +1,12 @@
-//! Triangles of a PLY file: from its faces, or from the range grid of a scanner.
+//! Triangles of a PLY file: from its faces, or from a scanner's range grid.
 
 use ply_rs_bw::ply::ElementDef;
 
 use super::elements::{Face, PlyBody};
 use crate::io::content_error::ContentError;
 
-/// The triangles of all faces: one of more than three corners is a fan about its first, one
-/// of fewer is none.
+/// Reads the triangles of all faces: a face of more than three corners is a fan about its first; a
+/// face of fewer has none.
 pub(super) fn read_faces(
     body: &mut PlyBody<'_>,
     element: &ElementDef,
@@ -21,8 +21,8 @@ pub(super) fn read_faces(
     Ok(triangles)
 }
 
-/// The triangles of a range grid, row by row, each place empty or one vertex: two where all
-/// four corners of a cell were seen, one where three were. MeshLab reads the Stanford scans
+/// Reads the triangles of a range grid, row by row; each grid cell is empty or one vertex. Four
+/// neighbours with a vertex give two triangles, three give one. MeshLab reads the Stanford scans
 /// so.
 pub(super) fn read_range_grid(
     body: &mut PlyBody<'_>,
@@ -49,7 +49,7 @@ pub(super) fn read_range_grid(
     for cell in
         (0..places.len()).filter(|at| (at + 1) % columns != 0 && at + columns < places.len())
     {
-        // Around the cell, so that any three in this order face the same way.
+        // Around the square, so that any three in this order face the same way.
         let around = [cell, cell + 1, cell + columns + 1, cell + columns].map(|at| places[at]);
         let seen: Vec<u32> = around.into_iter().flatten().collect();
         match seen[..] {
@@ -61,7 +61,7 @@ pub(super) fn read_range_grid(
     Ok(triangles)
 }
 
-/// Calls `use_corners` with the vertices that each element names.
+/// Calls `use_corners` with the vertex indices of each element.
 fn for_each_face(
     body: &mut PlyBody<'_>,
     element: &ElementDef,

@@ -1,10 +1,9 @@
 //! Stanford PLY.
 //!
-//! ply-rs-bw reads the header and the binary elements. Three things are done here,
-//! because there it does otherwise: a repeated name silently replaces the earlier
-//! one, which shifts every later binary value; ascii numbers are only those of the
-//! form `1`, `1.5`, `1e5`, so that `nan`, `.5` and `1.` are refused; and a float
-//! property in ascii is rounded to f32 first, although the digits are there.
+//! ply-rs-bw reads the header and the binary elements. Three of its behaviours are replaced here: a
+//! repeated name silently replaces the earlier one, which shifts every later binary value; ascii
+//! numbers have only the form `1`, `1.5`, `1e5`, so that `nan`, `.5` and `1.` are refused; and a
+//! float property in ascii is rounded to f32 first, although the file has more digits.
 
 mod elements;
 mod faces;
@@ -24,7 +23,7 @@ use super::lines::Lines;
 use super::table::PointTable;
 use crate::cloud::{ColorDepth, PointCloud};
 
-/// Reads the vertices; elements before them are skipped, those after not looked at.
+/// Reads the vertices; earlier elements are skipped, later ones not read.
 pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
     let (header, mut body) = parse_header(content)?;
     let vertices = Vertices::from_header(&header)?;
@@ -34,7 +33,7 @@ pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
     Ok(vertices.read(&mut body, false)?.with_differences(differences(&header, &vertices)))
 }
 
-/// The parts of the file that a cloud does not have, whatever its points are.
+/// Returns the parts of the file that no cloud has, independent of its points.
 fn differences(header: &Header, vertices: &Vertices<'_>) -> Differences {
     let mut differences = Differences::default();
     for element in header.elements.values().filter(|element| element.name != "vertex") {
@@ -49,8 +48,7 @@ fn differences(header: &Header, vertices: &Vertices<'_>) -> Differences {
     differences
 }
 
-/// Reads the vertices, and the corners of the triangles that the faces or the range grid
-/// are made of.
+/// Reads the vertices, and the triangles of the faces or the range grid as vertex indices.
 pub(super) fn parse_mesh(content: &[u8]) -> Result<(PointTable, Vec<[u32; 3]>), ContentError> {
     let (header, mut body) = parse_header(content)?;
     let vertices = Vertices::from_header(&header)?;
@@ -74,7 +72,7 @@ pub(super) fn parse_mesh(content: &[u8]) -> Result<(PointTable, Vec<[u32; 3]>), 
     Ok((table, faces))
 }
 
-/// The element that has the points.
+/// The element that holds the points.
 struct Vertices<'a> {
     element: &'a ElementDef,
     columns: ColumnMap,
@@ -102,7 +100,7 @@ impl<'a> Vertices<'a> {
         Ok(Vertices { element, columns, is_single })
     }
 
-    /// Reads all of them; those that are not finite, too, if it `keeps_all`.
+    /// Reads all vertices; if `keeps_all`, also those that are not finite.
     fn read(&self, body: &mut PlyBody<'_>, keeps_all: bool) -> Result<PointTable, ContentError> {
         let count = body.check_count(self.element)?;
         // Ascii may have more digits than its type.
@@ -126,7 +124,7 @@ impl<'a> Vertices<'a> {
 }
 
 fn skip(body: &mut PlyBody<'_>, element: &ElementDef) -> Result<(), ContentError> {
-    // An element without properties takes no room, however many there are.
+    // An element without properties takes no bytes, at any count.
     let count = if element.properties.is_empty() { 0 } else { body.check_count(element)? };
     for index in 0..count {
         body.next::<Vertex>(element, index)?;
@@ -161,10 +159,10 @@ pub(super) fn write(
     write_binary(out, cloud, layout)
 }
 
-/// The header, and the body that it announces.
+/// Parses the header, and returns the body after it.
 fn parse_header(content: &[u8]) -> Result<(Header, PlyBody<'_>), ContentError> {
     let (bytes, lines) = header_size(content)?;
-    // Comments come in any encoding; everything that counts is ascii.
+    // Comments come in any encoding; all other header text is ascii.
     let text = String::from_utf8_lossy(&content[..bytes]);
     let header = Parser::<Vertex>::new()
         .read_header(&mut Reader::new(text.as_bytes()))
@@ -180,7 +178,7 @@ fn parse_header(content: &[u8]) -> Result<(Header, PlyBody<'_>), ContentError> {
     Ok((header, body))
 }
 
-/// Bytes and lines of the header, in which no name may be there twice.
+/// Returns the bytes and lines of the header; a repeated name is an error.
 fn header_size(content: &[u8]) -> Result<(usize, usize), ContentError> {
     let mut bytes = 0;
     let mut elements = HashSet::new();
@@ -213,7 +211,7 @@ fn header_size(content: &[u8]) -> Result<(usize, usize), ContentError> {
     Err(ContentError::new(format!("there is no end_header in the first {} bytes", start.len())))
 }
 
-/// What the header parser refused, as a line and what was expected there.
+/// Converts an error of the header parser to the line and the expected content.
 fn header_error(error: &ParseError, header: &str) -> ContentError {
     let numbered =
         error.line().and_then(|number| Some((number, header.lines().nth(number.checked_sub(1)?)?)));
