@@ -1,22 +1,20 @@
-"""Fits the verdict of `consensus` on the table of `cfreg benchmark --candidates`, and prints the
-coefficients beside those of the crate (`src/verify/model.json`), as tables in Markdown.
+"""Fits the verdict model of `consensus` on tables of `cfreg benchmark --candidates`, and prints the
+coefficients, and their value on sources that were left out of the fit, as tables in Markdown.
 
-    python -m verdict.fit_verdict CANDIDATES.csv...             # the coefficients
-    python -m verdict.fit_verdict --held-out CANDIDATES.csv...  # and what they are worth elsewhere
+    python -m verdict.fit_verdict CANDIDATES.csv...
     python -m verdict.fit_verdict --write MODEL.json --version NAME CANDIDATES.csv...
                                                      # a model for `cfreg --verdict-model MODEL.json`
 
-Two logistic regressions on settled poses, with the sensors' places known (`contradicted` is there)
-and without, each data set's right and wrong ones with the same weight in all; streets do not take
-part, nor, in the first, scans whose sensor was not at the zero of the file. They rank the poses of a
-pair. Then one more for both, on the answers alone, each with weight 1: their log odds, how many settled
-poses are the answer, how well it is held. A pose that several tables have counts once; an answer is
-one of its table.
+Two regressions with a ridge penalty, and with signs that are fixed in advance: more overlap never
+makes a pose less probable. The first ranks the poses of a pair by their evidence: a conditional
+logistic regression of which refined poses of a pair are right, on the pairs that have right and wrong
+ones. The second gives the probability of the answer, by its evidence and by how it was found: a
+logistic regression on the answers, each with weight 1.
 
-Held out: place by place, all pairs that show it are left out, the others are fitted, and the
-answers to those left out are judged. All scans of a kitchen are one place, whichever set they come from.
-Answers stay those that the crate's model chose, and another answer that is about as good
-(`ambiguous`) is not looked at: accepted is a probability of 0.7 or more.
+The tables of results leave out one source after the other: a source is a sensor with a scene. All
+scans of the kitchen are one source. The pairs that show the source are left out of both fits, and the
+fitted model judges the answers of these pairs. An answer that has an alternative (`ambiguous`) counts
+here as any other.
 """
 
 import argparse
@@ -29,24 +27,61 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import beta
 
 from peers.printed import table
 from peers.programs import REPOSITORY
 
-TERMS = ["1", "ln(overlap + 0.01)", "ln(max(likeness + 0.1, 0.01))", "ln(1 + support)", "sqrt(contradicted)"]
-STANDING = ["1", "log odds", "ln(1 + votes)", "ln(spread)"]
 MODEL = REPOSITORY / "src/verify/model.json"
-POSE = ["intercept", "overlap", "descriptor_distinctiveness", "inlier_score", "free_space_violation"]
-"""Names of the `TERMS` in the model file."""
-ANSWER = ["intercept", "pose", "supporting_hypotheses", "translation_std"]
-"""Names of `STANDING` there."""
+EVIDENCE = {
+    "overlap": +1,
+    "surface_conflict": -1,
+    "residual_std": -1,
+    "surface_patches": +1,
+    "descriptor_distinctiveness": +1,
+    "inlier_score": +1,
+    "free_space_violation": -1,
+    "estimated_free_space_violation": -1,
+}
+"""Terms of the evidence, in the order of the model file, with the sign of their coefficients."""
+FOUND = {"supporting_hypotheses": +1, "translation_std": -1}
+"""Terms of an answer beside its evidence, likewise."""
+POSE_RIDGE, ANSWER_RIDGE = 1.0, 1.0
+"""Ridge penalties of standardised coefficients, beside weights that sum to the number of pairs and of
+answers. Chosen by hand among 0.1, 1, 3: sources left out are ranked alike."""
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
-ELSEWHERE = {"stanford_bunny", "stanford_dragon_stand", "stanford_armadillo_simulated"}
-"""Where the zero of the files is not where the sensor stood, whatever the benchmark was told."""
-STREETS = {"kitti00", "tls_3dtk", "lidar_small_gicp"}
-"""Where many settled poses that count as wrong have the evidence of right ones."""
-NONE = np.zeros(len(TERMS))
-ACCEPT = 0.7
+NO_SENSOR = {"stanford_bunny", "stanford_dragon_stand", "stanford_happy_stand", "stanford_armadillo_simulated"}
+"""Where the zero of the files is not where the sensor stood, whatever the benchmark was told: these
+rows do not fit the coefficient of free space."""
+
+
+def source_of(file):
+    """The source that a scan belongs to: the name of its folder, but one for all of the kitchen."""
+    folder = Path(file).parent.name
+    return "kitchen" if folder in KITCHEN else folder
+
+
+def pose_terms(row):
+    """Values of the terms of the evidence, as `VerdictModel` documents them."""
+    number = lambda name: float(row[name] or 0.0)
+    known = row["free_space_violation"] != "" and Path(row["source"]).parent.name not in NO_SENSOR
+    return [
+        np.log(number("overlap") + 0.01),
+        np.log(number("surface_conflict") + 0.01),
+        np.log(number("residual_std") + 0.05),
+        np.log1p(number("surface_patches")),
+        np.log(max(number("descriptor_distinctiveness") + 0.1, 0.01)),
+        np.log1p(number("inlier_score")),
+        np.sqrt(number("free_space_violation")) if known else 0.0,
+        np.sqrt(number("estimated_free_space_violation")),
+    ]
+
+
+def answer_terms(row):
+    """Values of the terms `FOUND`."""
+    if row["answer"] != "true":
+        return [0.0, 0.0]
+    return [np.log1p(float(row["supporting_hypotheses"])), np.log(float(row["translation_std"]))]
 
 
 @dataclass
@@ -54,166 +89,176 @@ class Poses:
     """Rows of a table, by column."""
 
     terms: np.ndarray
-    """0 for the last where it is not known."""
-    standing: np.ndarray
-    """Terms that stand beside the log odds, `STANDING[2:]`; 0 for poses that are no answer."""
-    known: np.ndarray
-    """Whether the sensors' places are."""
+    """(N, 8), those of `EVIDENCE`."""
+    found: np.ndarray
+    """(N, 2), those of `FOUND`; 0 for poses that are no answer."""
     right: np.ndarray
+    pairs: np.ndarray
+    """Number of the pair that a pose belongs to."""
     sets: np.ndarray
-    places: np.ndarray
+    sources: np.ndarray
     """(N, 2), those of source and target."""
 
     @classmethod
     def from_rows(cls, rows):
         return cls(
-            np.array([terms(row) for row in rows]),
-            np.array([standing(row) for row in rows]),
-            np.array([row["contradicted"] != "" for row in rows]),
-            np.array([row["right"] == "true" for row in rows]),
+            np.array([pose_terms(row) for row in rows]).reshape(-1, len(EVIDENCE)),
+            np.array([answer_terms(row) for row in rows]).reshape(-1, 2),
+            np.array([row["right"] == "true" for row in rows], bool),
+            np.array([row["pair"] for row in rows], int),
             np.array([row["dataset"] for row in rows]),
-            np.array([[place(row["source"]), place(row["target"])] for row in rows]),
+            np.array([[source_of(row["source"]), source_of(row["target"])] for row in rows]).reshape(-1, 2),
         )
 
     def where(self, which):
         return Poses(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
-    def shows(self, where):
-        """Whether source or target shows the place."""
-        return (self.places == where).any(axis=1)
+    def shows(self, sources):
+        """Whether the source or the target of a row is one of `sources`."""
+        return np.isin(self.sources, list(sources)).any(axis=1)
 
     @property
     def unrelated(self):
-        return self.places[:, 0] != self.places[:, 1]
-
-    def fitting_set(self, known):
-        """Those that the constants of the kind are fitted on."""
-        among = lambda places: np.isin(self.places, list(places)).any(axis=1)
-        return self.where((self.known == known) & ~among(STREETS) & ~(known & among(ELSEWHERE)))
-
-    def odds(self, constants):
-        """The logarithms, by the constants for either kind."""
-        known, unknown = (self.terms @ constants[kind] for kind in (True, False))
-        return np.where(self.known, known, unknown)
+        """Whether the clouds of a pair show different scenes."""
+        return np.char.startswith(self.sets, "unrelated")
 
 
-def place(file):
-    """The place that a scan shows: the name of its folder, but one for all of the kitchen's."""
-    folder = Path(file).parent.name
-    return "kitchen" if folder in KITCHEN else folder
+def standardised(terms):
+    """Terms of mean 0 and standard deviation 1, with mean and deviation; constant terms are 0."""
+    mean, deviation = terms.mean(axis=0), terms.std(axis=0)
+    constant = deviation < 1e-9
+    deviation = np.where(constant, 1.0, deviation)
+    return np.where(constant, 0.0, (terms - mean) / deviation), mean, deviation
 
 
-def terms(row):
-    """The terms of the log odds."""
-    return [
-        1.0,
-        np.log(float(row["overlap"]) + 0.01),
-        np.log(max(float(row["likeness"]) + 0.1, 0.01)),
-        np.log1p(float(row["support"])),
-        np.sqrt(float(row["contradicted"] or 0.0)),
-    ]
+def minimised(loss, signs, intercept):
+    """The minimum of a loss (with its gradient) over coefficients of the given signs."""
+    bounds = [(None, None)] * intercept + [(0, None) if sign > 0 else (None, 0) for sign in signs]
+    return minimize(loss, np.zeros(len(bounds)), jac=True, method="L-BFGS-B", bounds=bounds).x
 
 
-def standing(row):
-    """The terms that an answer has beside its evidence."""
-    if row["answer"] != "true":
-        return [0.0, 0.0]
-    return [np.log1p(float(row["votes"])), np.log(float(row["spread"]))]
-
-
-def logistic(terms, right, weights):
-    """Constants of the greatest weighted likelihood, held from infinity by a weak prior."""
+def logistic(terms, right, signs, ridge):
+    """Intercept and coefficients of the greatest penalised likelihood; each coefficient has its sign,
+    or is 0."""
     sign = np.where(right, 1.0, -1.0)
+    scaled, mean, deviation = standardised(terms)
+    columns = np.column_stack([np.ones(len(terms)), scaled])
+    penalty = np.r_[0.0, np.full(terms.shape[1], ridge)]
+
+    def loss(coefficients):
+        odds = sign * (columns @ coefficients)
+        slope = -sign / (1 + np.exp(np.clip(odds, -500, 500)))
+        value = np.sum(np.logaddexp(0, -odds)) + penalty @ coefficients**2
+        return value, columns.T @ slope + 2 * penalty * coefficients
+
+    found = minimised(loss, signs, True)
+    coefficients = found[1:] / deviation
+    return np.r_[found[0] - coefficients @ mean, coefficients]
+
+
+def conditional_logistic(terms, right, pairs, weights, signs, ridge):
+    """Coefficients that rank the poses of a pair: the likelihood is that of the right poses among all
+    poses of their pair. `weights` are those of pairs, by their number."""
+    order = np.argsort(pairs, kind="stable")
+    terms, right, pairs = terms[order], right[order], pairs[order]
+    numbers, starts, counts = np.unique(pairs, return_index=True, return_counts=True)
+    hits = np.add.reduceat(right.astype(int), starts)
+    useful = (hits > 0) & (hits < counts)
+    rows = np.repeat(useful, counts)
+    scaled, _, deviation = standardised(terms[rows])
+    right, starts = right[rows].astype(float), np.cumsum(np.r_[0, counts[useful]])[:-1]
+    group = np.repeat(np.arange(len(starts)), counts[useful])
+    weights = np.array([weights[number] for number in numbers[useful]])
     weights = weights / np.mean(weights)
 
-    def loss(constants):
-        odds = sign * (terms @ constants)
-        slope = -weights * sign / (1 + np.exp(np.clip(odds, -500, 500)))
-        value = weights @ np.logaddexp(0, -odds) + 1e-4 * constants @ constants
-        return value, terms.T @ slope + 2e-4 * constants
+    def loss(coefficients):
+        score = scaled @ coefficients
+        share = np.exp(score - np.maximum.reduceat(score, starts)[group])
+        whole, part = np.add.reduceat(share, starts), np.add.reduceat(share * right, starts)
+        slope = (share / whole[group] - share * right / part[group]) * weights[group]
+        value = weights @ (np.log(whole) - np.log(part)) + ridge * coefficients @ coefficients
+        return value, scaled.T @ slope + 2 * ridge * coefficients
 
-    return minimize(loss, np.zeros(terms.shape[1]), jac=True, method="BFGS").x
+    return minimised(loss, signs, False) / deviation
 
 
-def balanced(sets, right):
-    """The same sum of weights for every set's right and for its wrong poses."""
-    groups = list(zip(sets, right))
-    count = Counter(groups)
-    return np.array([1 / count[group] for group in groups])
+def pair_weights(poses):
+    """Weights of pairs by their number: sets of many pairs count more, by the root of their number."""
+    sets = dict(zip(poses.pairs, poses.sets))
+    count = Counter(sets.values())
+    return {pair: count[name] ** -0.5 for pair, name in sets.items()}
 
 
 @dataclass
-class Judge:
-    """The constants that tell the probability of an answer."""
+class Model:
+    """Coefficients of the `EVIDENCE` that rank poses; intercept and coefficients of the `EVIDENCE` and
+    of what was `FOUND`, for the probability of an answer."""
 
-    evidence: dict
-    """Constants of the `TERMS`, by whether the sensors' places are known."""
+    pose: np.ndarray
     answer: np.ndarray
-    """Constants of `STANDING`."""
 
     def probabilities(self, answers):
-        """The probabilities of being right."""
-        odds = with_standing(answers, self.evidence) @ self.answer
+        odds = self.answer[0] + np.column_stack([answers.terms, answers.found]) @ self.answer[1:]
         return 1 / (1 + np.exp(-np.clip(odds, -30, 30)))
 
 
-def with_standing(answers, evidence):
-    """(N, 4) values of `STANDING`."""
-    return np.column_stack([np.ones(len(answers.right)), answers.odds(evidence), answers.standing])
-
-
 def fit(poses, answers):
-    """A judge whose constants are all fitted."""
-    raw = {}
-    for kind in (True, False):
-        among = poses.fitting_set(kind)
-        weights = balanced(among.sets, among.right)
-        raw[kind] = logistic(among.terms, among.right, weights) if len(among.right) else NONE
-    return fit_standing(raw, answers)
+    """The model of the greatest penalised likelihood."""
+    signs = list(EVIDENCE.values())
+    pose = conditional_logistic(poses.terms, poses.right, poses.pairs, pair_weights(poses), signs, POSE_RIDGE)
+    terms = np.column_stack([answers.terms, answers.found])
+    return Model(pose, logistic(terms, answers.right, [*signs, *FOUND.values()], ANSWER_RIDGE))
 
 
-def fit_standing(evidence, answers):
-    """A judge by these constants of the evidence, the others fitted."""
-    weights = np.ones(len(answers.right))
-    return Judge(evidence, logistic(with_standing(answers, evidence), answers.right, weights))
+def calibration_error(probability, right, bins=10):
+    """Mean difference of probability and share of right answers, in bins of equal width."""
+    bin_ = np.minimum((bins * probability).astype(int), bins - 1)
+    off = [abs(np.sum(probability[bin_ == k]) - np.sum(right[bin_ == k])) for k in range(bins)]
+    return sum(off) / max(len(right), 1)
 
 
-def calibration_error(probability, right):
-    """How far what is told is from what is right, in tenths of the probability, mean over poses."""
-    tenth = np.minimum((10 * probability).astype(int), 9)
-    off = [abs(np.sum(probability[tenth == k]) - np.sum(right[tenth == k])) for k in range(10)]
-    return sum(off) / len(right)
+def interval(hits, count, level=0.95):
+    """Clopper-Pearson interval of a share, as text: `3/40 (2-20 %)`."""
+    if count == 0:
+        return "-"
+    low = beta.ppf((1 - level) / 2, hits, count - hits + 1) if hits else 0.0
+    high = beta.ppf((1 + level) / 2, hits + 1, count - hits) if hits < count else 1.0
+    return f"{hits}/{count} ({100 * low:.1f}-{100 * high:.1f} %)"
 
 
-def cells(probability, answers):
-    """Calibration error; accepted ones of unrelated pairs, of other wrong poses; right ones refused."""
-    accepted = probability >= ACCEPT
+def thresholds():
+    """Those of the crate."""
+    return json.loads(MODEL.read_text())["thresholds"]
+
+
+RESULTS = ["calibration error", "unrelated, accepted", "wrong, accepted", "right, not accepted", "right, rejected"]
+
+
+def results(probability, answers):
+    """Values of the columns `RESULTS`."""
+    accepted, rejected = probability >= thresholds()["accept"], probability < thresholds()["reject"]
     wrong = ~answers.right & ~answers.unrelated
-
-    def share(hit, among):
-        return f"{np.sum(hit & among)}/{np.sum(among)}" if among.any() else "-"
-
+    count = lambda hit, among: interval(int(np.sum(hit & among)), int(np.sum(among)))
     return [
         f"{calibration_error(probability, answers.right):.3f}",
-        share(accepted, answers.unrelated),
-        share(accepted, wrong),
-        share(~accepted, answers.right),
+        count(accepted, answers.unrelated),
+        count(accepted, wrong),
+        count(~accepted, answers.right),
+        count(rejected, answers.right),
     ]
 
 
-def source_judge():
-    """The judge of the crate."""
+def crate_model():
+    """The model of the crate."""
     model = json.loads(MODEL.read_text())
-    pose = {
-        True: np.array([model["pose"]["sensors_known"][name] for name in POSE]),
-        False: np.array([model["pose"]["sensors_unknown"][name] for name in POSE]),
-    }
-    return Judge(pose, np.array([model["answer"][name] for name in ANSWER]))
+    part = lambda name, terms: np.array([model[name][term] for term in terms])
+    return Model(part("pose", EVIDENCE), part("answer", ["intercept", *EVIDENCE, *FOUND]))
 
 
-def model_of(judge, version, data):
-    """The judge as a model file has it; the thresholds are those of the crate."""
+def model_file(model, version, data):
+    """The model as a model file has it; the thresholds are those of the crate."""
     rounded = lambda names, values: {name: round(float(value), 4) for name, value in zip(names, values)}
+    answer = rounded(["intercept", *EVIDENCE, *FOUND], model.answer)
     return {
         "version": version,
         "fitted": {
@@ -221,28 +266,28 @@ def model_of(judge, version, data):
             "command": "python-ref/verdict/verdict.sh",
             "data": data,
         },
-        "pose": {
-            "sensors_known": rounded(POSE, judge.evidence[True]),
-            "sensors_unknown": rounded(POSE, judge.evidence[False]),
-        },
-        "answer": rounded(ANSWER, judge.answer),
-        "thresholds": json.loads(MODEL.read_text())["thresholds"],
+        "pose": {"intercept": 0.0, "sensors_known": 0.0, **rounded(EVIDENCE, model.pose)},
+        "answer": {"intercept": answer.pop("intercept"), "sensors_known": 0.0, **answer},
+        "thresholds": thresholds(),
     }
 
 
 def read(paths):
-    """The candidates of all tables, each once, and the answers of each table by its name."""
-    candidates, answers = {}, {}
+    """The candidates of all tables, and the answers of each table by its name."""
+    candidates, answers, numbers = [], {}, {}
     for path in paths:
         with open(path, newline="") as file:
             rows = list(csv.DictReader(file))
-        candidates.update((tuple(row.values()), row) for row in rows if row["answer"] != "true")
+        for row in rows:
+            row["pair"] = numbers.setdefault((path, row["source"], row["target"]), len(numbers))
+        candidates += [row for row in rows if row["answer"] != "true"]
         answers[Path(path).stem] = Poses.from_rows([row for row in rows if row["answer"] == "true"])
-    return Poses.from_rows(list(candidates.values())), answers
+    return Poses.from_rows(candidates), answers
 
 
 def concatenated(parts):
     """Poses of several tables as of one."""
+    parts = list(parts)
     return Poses(*(np.concatenate([getattr(part, name) for part in parts]) for name in Poses.__dataclass_fields__))
 
 
@@ -250,71 +295,60 @@ def print_table(titles, rows):
     print("\n".join(table(titles, rows)))
 
 
-JUDGED = ["calibration error", "unrelated, accepted", "other wrong, accepted", "right, refused"]
-
-
-def fitted(poses, answers, source):
-    """Prints the fit on all poses beside the constants of the source."""
-    every = concatenated(answers.values())
-    judge = fit(poses, every)
-    anew = fit_standing(source.evidence, every)
-    titles, columns = ["term"], [TERMS]
-    for kind, name in [(True, "known"), (False, "unknown")]:
-        titles += [f"{name}: fitted on {len(poses.fitting_set(kind).right)} poses", "crate"]
-        columns += [[f"{value:.2f}" for value in by.evidence[kind]] for by in (judge, source)]
-    print_table(titles, zip(*columns))
-    print(f"\n{len(every.right)} answers:\n")
-    columns = [[f"{value:.2f}" for value in by.answer] for by in (judge, anew, source)]
-    print_table(["term", "fitted", "by the source's evidence", "crate"], zip(STANDING, *columns))
-    print("\nAll answers, which all of these have seen:\n")
+def print_coefficients(model, poses, answers):
+    crate = crate_model()
+    print(f"Coefficients, fitted on {len(poses.right)} poses and {len(answers.right)} answers:\n")
     rows = [
-        [run, len(judged.right), name, *cells(by.probabilities(judged), judged)]
-        for run, judged in answers.items()
-        for name, by in [("fitted", judge), ("source's evidence, fitted", anew), ("crate", source)]
+        [f"{part}.{name}", f"{value:.3f}", f"{old:.3f}"]
+        for part, names, fitted, now in [
+            ("pose", EVIDENCE, model.pose, crate.pose),
+            ("answer", ["intercept", *EVIDENCE, *FOUND], model.answer, crate.answer),
+        ]
+        for name, value, old in zip(names, fitted, now)
     ]
-    print_table(["table", "answers", "constants", *JUDGED], rows)
+    print_table(["coefficient", "fitted", "crate"], rows)
+    print("\nIn sample: all of these answers were fitted.\n")
+    rows = [[name, *results(by.probabilities(answers), answers)] for name, by in [("fitted", model), ("crate", crate)]]
+    print_table(["model", *RESULTS], rows)
 
 
-def held_out(poses, answers, source):
-    """Prints what the fit is worth at places that it has not seen."""
-    everything = concatenated(answers.values())
-    judged = {run: [] for run in answers}
-    for where in sorted(set(everything.places.flat)):
-        others = everything.where(~everything.shows(where))
-        judge = fit(poses.where(~poses.shows(where)), others)
-        anew = fit_standing(source.evidence, others)
-        for run, every in answers.items():
-            left = every.where(every.shows(where))
-            if len(left.right):
-                judged[run].append((where, left, [by.probabilities(left) for by in (judge, anew, source)]))
-    for run, places in judged.items():
-        every = concatenated([left for _, left, _ in places])
-        places.append(("all of these", every, [np.concatenate(told) for told in zip(*(by for *_, by in places))]))
-        print(f"\n`{run}`, place by place left out: all fitted on the others / the source's evidence, the rest fitted on")
-        print("the others / the source, which has seen it. Pairs of two places are in both rows.\n")
-        rows = []
-        for where, left, told_by in places:
-            beside = zip(*(cells(by, left) for by in told_by))
-            rows.append([where, len(left.right), *("-" if set(cell) == {"-"} else " / ".join(cell) for cell in beside)])
-        print_table(["left out", "answers", *JUDGED], rows)
+def left_out(poses, answers):
+    """The probability of each answer by the model that is fitted without its sources."""
+    told = np.zeros(len(answers.right))
+    kinds = sorted({tuple(sorted(pair)) for pair in answers.sources})
+    for pair in kinds:
+        judged = (np.sort(answers.sources, axis=1) == pair).all(axis=1)
+        model = fit(poses.where(~poses.shows(pair)), answers.where(~answers.shows(pair)))
+        told[judged] = model.probabilities(answers.where(judged))
+    return told
+
+
+def print_left_out(told, answers):
+    print("\nLeave one source out: the model that judges a pair has seen no pair that shows its scenes.\n")
+    rows = []
+    for name in sorted(set(answers.sources[~answers.unrelated, 0])):
+        which = (answers.sources[:, 0] == name) & ~answers.unrelated
+        rows.append([name, int(np.sum(which)), *results(told[which], answers.where(which))])
+    which = answers.unrelated
+    rows.append(["unrelated pairs", int(np.sum(which)), *results(told[which], answers.where(which))])
+    rows.append(["all", len(told), *results(told, answers)])
+    print_table(["left out", "answers", *RESULTS], rows)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("candidates", nargs="+")
-    parser.add_argument("--held-out", action="store_true", help="leave out one place after the other")
     parser.add_argument("--write", metavar="MODEL.json", help="write the fitted coefficients as a model file")
     parser.add_argument("--version", default="unnamed", help="name of the model that is written")
     asked = parser.parse_args()
-    poses, answers = read(asked.candidates)
+    poses, tables = read(asked.candidates)
+    answers = concatenated(tables.values())
+    model = fit(poses, answers)
+    print_coefficients(model, poses, answers)
+    print_left_out(left_out(poses, answers), answers)
     if asked.write:
-        every = concatenated(answers.values())
-        data = f"{len(every.right)} answers of {', '.join(answers)}"
-        text = json.dumps(model_of(fit(poses, every), asked.version, data), indent=2)
-        Path(asked.write).write_text(text + "\n")
-    fitted(poses, answers, source_judge())
-    if asked.held_out:
-        held_out(poses, answers, source_judge())
+        data = f"{len(answers.right)} answers of {', '.join(tables)}"
+        Path(asked.write).write_text(json.dumps(model_file(model, asked.version, data), indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,22 @@
 #!/usr/bin/env bash
-# Fits the verdict of `consensus`, and says what the fit is worth: every pose that is settled
-# for the real pairs and for the unrelated ones, with the sensors' places and without, then the
-# constants beside those of the source and place by place left out, as tables. The argument is the
-# folder of the scans (with pairs.csv). VERDICT_EVERY=10 takes every tenth pair.
+# Fits the verdict of `consensus`, and prints the value of the fit on sources that were left out:
+# every pose that is refined for the real pairs and for unrelated ones, with the sensors' places at
+# the zero of the files and without. The argument is the folder of the scans (with pairs.csv and
+# pairs_more.csv). VERDICT_EVERY=10 takes every tenth pair, of unrelated pairs every twentieth.
 set -euo pipefail
 folder="$(cd "${1:-${CFREG_DATA:?names the folder of the scans}}" && pwd)"
 shift "$#" # a sourced file takes arguments for its own
 cd "$(dirname "$0")/.."
 source environment.sh
-candidates=()
+every="${VERDICT_EVERY:-1}"
+tables=()
+candidates() {
+    tables+=("../target/verdict-$1-$2.csv")
+    run_cfreg benchmark "${@:4}" --folder "$folder" --viewpoints "$2" --every "$3" \
+        --candidates "${tables[-1]}" >&2
+}
 for viewpoints in origin none; do
-    candidates+=("../target/verdict-$viewpoints.csv")
-    run_cfreg benchmark "$folder/pairs.csv" ../data/unrelated.csv --folder "$folder" \
-        --viewpoints "$viewpoints" --every "${VERDICT_EVERY:-1}" --candidates "${candidates[-1]}" >&2
+    candidates pairs "$viewpoints" "$every" "$folder/pairs.csv" "$folder/pairs_more.csv"
+    candidates unrelated "$viewpoints" "$((2 * every))" ../data/unrelated.csv
 done
-"$python" -m verdict.fit_verdict --held-out "${candidates[@]}"
+"$python" -m verdict.fit_verdict "${tables[@]}"

@@ -7,7 +7,7 @@ import copy
 import json
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -176,11 +176,15 @@ class Verdict:
     probability : that the pose is right, 0 to 1
     reasons : what speaks for and against it, in words
     overlap : share of a surface that lies on the other and faces alike, the larger of both
+    evidence : measurements for and against it by name, as in JSON: overlap, surface_conflict,
+        residual_std, surface_patches, descriptor_distinctiveness, inlier_score,
+        free_space_violation (None without known viewpoints)
     runner_up : RunnerUp, the best pose that is another, or None
     covariance : PoseCovariance, or None where too few points lie on each other to tell; of a
         refinement, that of the pose before
     other_scale : the scale of the source, if that is another than it has, at which clearly more
         of it would lie on the target, or None
+    mirrored : whether the mirror image of the source fits the target better
     model : version of the model that gave probability and decision
     """
 
@@ -192,6 +196,8 @@ class Verdict:
     covariance: PoseCovariance | None
     other_scale: float | None = None
     model: str = ""
+    evidence: dict[str, float | None] = field(default_factory=dict)
+    mirrored: bool = False
 
     @classmethod
     def _of(cls, facts: dict[str, Any]) -> Verdict:
@@ -208,6 +214,8 @@ class Verdict:
             None if facts["covariance"] is None else PoseCovariance._of(facts["covariance"]),
             facts["other_scale"],
             facts["model"],
+            facts["evidence"] or {},
+            facts["mirrored"],
         )
 
 

@@ -9,6 +9,8 @@ use super::{Pair, PairClouds, PreparedPair, Settings};
 use crate::error::{Error, Result};
 use crate::io::outputs;
 use crate::method::Consensus;
+#[cfg(doc)]
+use crate::verify::Evidence;
 
 /// One verified pose of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -19,20 +21,29 @@ pub struct CandidateRow {
     pub source: String,
     /// File of the target.
     pub target: String,
-    /// Overlap: share of a surface that coincides with the other and has similar normals.
+    /// [`Evidence::overlap`].
     pub overlap: f64,
-    /// Descriptor similarity of the overlapping surfaces beyond chance, nats a point.
-    pub likeness: f64,
-    /// Inlier score of the correspondences.
-    pub support: f64,
-    /// Share of the points in space that the other sensor saw to be empty; empty without a known
-    /// viewpoint.
-    pub contradicted: Option<f64>,
+    /// [`Evidence::surface_conflict`].
+    pub surface_conflict: f64,
+    /// [`Evidence::residual_std`].
+    pub residual_std: f64,
+    /// [`Evidence::surface_patches`].
+    pub surface_patches: f64,
+    /// [`Evidence::descriptor_distinctiveness`].
+    pub descriptor_distinctiveness: f64,
+    /// [`Evidence::inlier_score`].
+    pub inlier_score: f64,
+    /// [`Evidence::free_space_violation`]; empty without known viewpoints.
+    pub free_space_violation: Option<f64>,
+    /// [`Evidence::estimated_free_space_violation`]; empty if no viewpoint was estimated.
+    pub estimated_free_space_violation: Option<f64>,
     /// Refined hypotheses that converged to this pose; for final poses alone.
-    pub votes: Option<usize>,
+    pub supporting_hypotheses: Option<usize>,
     /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
     /// to 10; for final poses alone.
-    pub spread: Option<f64>,
+    pub translation_std: Option<f64>,
+    /// Rotation error, in degrees; empty without a true pose.
+    pub rotation_error_deg: Option<f64>,
     /// Whether the pose is correct; false for unrelated clouds.
     pub right: bool,
     /// Whether it is the final pose, the last row of its pair.
@@ -58,26 +69,33 @@ pub fn write(
     let (mut clouds, mut written) = (PairClouds::default(), 0);
     for (number, pair) in pairs.iter().enumerate() {
         let posed = PreparedPair::new(pair, number, settings, &mut clouds)?;
-        let judged = Consensus::default().scored_poses(&posed.moved, &posed.target);
-        for judged in judged.unwrap_or_default() {
-            let found = judged.transform.after(&posed.motion);
-            let right = pair.truth.as_ref().is_some_and(|truth| {
+        let scored = Consensus::default().scored_poses(&posed.moved, &posed.target);
+        for scored in scored.unwrap_or_default() {
+            let found = scored.transform.after(&posed.motion);
+            let error = pair.truth.as_ref().map(|truth| {
                 let error = posed.rule.error(&found, truth, &posed.source);
-                posed.rule.is_met(error, &posed.source, pair.unit)
+                let right = posed.rule.is_met(error, &posed.source, pair.unit);
+                (right, found.after(&truth.inverse()).angle().to_degrees())
             });
+            let evidence = scored.evidence;
             table
                 .serialize(CandidateRow {
                     dataset: pair.dataset.clone(),
                     source: pair.source.display().to_string(),
                     target: pair.target.display().to_string(),
-                    overlap: judged.overlap,
-                    likeness: judged.descriptor_distinctiveness,
-                    support: judged.inlier_score,
-                    contradicted: judged.free_space_violation,
-                    votes: judged.supporting_hypotheses,
-                    spread: judged.translation_std,
-                    right,
-                    answer: judged.is_best,
+                    overlap: evidence.overlap,
+                    surface_conflict: evidence.surface_conflict,
+                    residual_std: evidence.residual_std,
+                    surface_patches: evidence.surface_patches,
+                    descriptor_distinctiveness: evidence.descriptor_distinctiveness,
+                    inlier_score: evidence.inlier_score,
+                    free_space_violation: evidence.free_space_violation,
+                    estimated_free_space_violation: evidence.estimated_free_space_violation,
+                    supporting_hypotheses: scored.supporting_hypotheses,
+                    translation_std: scored.translation_std,
+                    rotation_error_deg: error.map(|(_, degrees)| degrees),
+                    right: error.is_some_and(|(right, _)| right),
+                    answer: scored.is_best,
                 })
                 .map_err(failed)?;
             written += 1;

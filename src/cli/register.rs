@@ -145,6 +145,9 @@ fn advice(registration: &Registration) -> &'static str {
     let as_good =
         |doubt: &Warning| matches!(doubt, Warning::Ambiguous { .. } | Warning::Unobservable { .. });
     let other_scale = |doubt: &Warning| matches!(doubt, Warning::ScaleMismatch { .. });
+    if registration.doubts.contains(&Warning::Mirrored) {
+        return "the source mirrored back: exchange or negate the axis that was changed";
+    }
     match &registration.method.parse() {
         Some(Method::Consensus(_)) if registration.doubts.iter().any(other_scale) => {
             "the source scaled (cfreg convert --transform, 4 by 4 numbers with the scale on the diagonal)"

@@ -7,4 +7,5 @@ mod pair_features;
 mod spfh;
 
 pub use fpfh::{HistogramScale, fpfh, fpfh_at};
+pub(crate) use layout::mirrored_rows;
 pub use layout::{BINS, BLOCK};

@@ -153,6 +153,7 @@ fn facts_of_row(row: &Row) -> Result<Option<Facts>> {
         runner_up: None,
         covariance: spread,
         other_scale: None,
+        mirrored: false,
     });
     let doubts = parts(&row.doubts).into_iter().map(|message| Told { message }).collect();
     let trusted = row.is_usable();

@@ -59,6 +59,8 @@ pub(super) struct SavedVerdict {
     pub(super) covariance: Option<Spread>,
     #[serde(default)]
     pub(super) other_scale: Option<f64>,
+    #[serde(default)]
+    pub(super) mirrored: bool,
 }
 
 /// An alternative pose.

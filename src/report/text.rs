@@ -59,6 +59,15 @@ impl Headline {
                     verdict.other_scale.unwrap_or(1.0)
                 ),
             ),
+            "ambiguous" if verdict.mirrored => (
+                "unsure",
+                "?",
+                "Mirrored",
+                format!(
+                    "Right with a probability of {told}, but the mirror image of the source fits \
+                     the target better."
+                ),
+            ),
             "ambiguous" => (
                 "unsure",
                 "?",

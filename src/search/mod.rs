@@ -3,9 +3,10 @@
 //! Distances are Euclidean, squared where the name says so, between f32 positions that share an
 //! origin. Equal distances are ordered by index. [`SearchTree`] takes queries at any position.
 //! [`Neighbors`] finds the neighbourhoods of all points of a cloud at once, which is faster.
-//! [`NearestDistances`] computes distances alone, and [`OccupancyGrid`] rejects positions that are
-//! too far to search.
+//! [`NearestDistances`] computes distances alone, [`OccupancyGrid`] rejects positions that are too
+//! far to search, and [`CellGrid`] looks up the points along a line.
 
+mod cell_grid;
 mod leaves;
 mod nearest;
 mod nearest_distances;
@@ -22,6 +23,7 @@ use leaves::Leaves;
 
 pub(crate) use leaves::squared_distance;
 
+pub use cell_grid::CellGrid;
 pub use nearest_distances::NearestDistances;
 pub use occupancy_grid::OccupancyGrid;
 pub use tree::SearchTree;

@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::math::{self, Vec3};
 use crate::moments::FeatureView;
 use crate::normals::OrientedBy;
-use crate::search::{Neighbor, OccupancyGrid, SearchTree};
+use crate::search::{CellGrid, Neighbor, OccupancyGrid, SearchTree};
 use crate::visibility::DepthImage;
 
 pub(crate) use normal_equations::{NormalEquations, twist_row};
@@ -53,6 +53,7 @@ pub(crate) struct Surface {
 pub(crate) struct SurfaceIndex {
     tree: SearchTree,
     occupancy: OccupancyGrid,
+    cells: CellGrid,
 }
 
 impl SurfaceIndex {
@@ -64,12 +65,13 @@ impl SurfaceIndex {
         Ok(SurfaceIndex {
             tree: SearchTree::new(points)?,
             occupancy: OccupancyGrid::new(points, radius),
+            cells: CellGrid::new(points, radius / SEARCH_RADIUS * INLIER_DISTANCE),
         })
     }
 
     /// Bytes of an index of `count` points: the tree has a copy of the points, with their numbers.
     pub(crate) fn bytes(&self, count: usize) -> usize {
-        count * 4 * 4 + self.occupancy.bytes()
+        count * 4 * 4 + self.occupancy.bytes() + self.cells.bytes()
     }
 }
 
@@ -87,6 +89,12 @@ impl Surface {
     pub(crate) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
         self.index.occupancy.may_contain(&place).then(|| self.index.tree.nearest(&place))
+    }
+
+    /// Returns the numbers of the points in the cube of side [`INLIER_DISTANCE`] voxels that
+    /// contains `place`.
+    pub(crate) fn points_in_cell(&self, place: Vec3) -> &[u32] {
+        self.index.cells.points_near(place)
     }
 
     pub(crate) fn normal(&self, i: usize) -> Vec3 {

@@ -7,6 +7,8 @@ mod evaluation_report;
 mod evidence;
 mod model;
 mod pose_error;
+mod surface_conflict;
+mod surface_patches;
 mod verdict;
 mod warning;
 
@@ -14,11 +16,12 @@ pub use covariance::{PoseCovariance, Twist};
 pub(crate) use evaluate::default_distance_from_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use evaluation_report::{EvaluationReport, evaluate_with_truth};
-pub(crate) use evidence::{PoseEvidence, squared_descriptor_distance};
-pub(crate) use model::Confidence;
-pub use model::{
-    AnswerCoefficients, EvidenceCoefficients, PoseCoefficients, Thresholds, VerdictModel,
+pub use evidence::Evidence;
+pub(crate) use evidence::{
+    Measurement, estimated_free_space_violation, squared_descriptor_distance,
 };
+pub(crate) use model::Confidence;
+pub use model::{AnswerCoefficients, EvidenceCoefficients, Thresholds, VerdictModel};
 pub use pose_error::{PoseError, pose_error};
 pub use verdict::{Decision, RunnerUp, Verdict, is_usable};
 pub use warning::{

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
-use super::evidence::PoseEvidence;
+use super::evidence::Evidence;
 use crate::error::{Error, Result};
 use crate::io::{self, truncate_message};
 
@@ -18,23 +18,24 @@ static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
     serde_json::from_str(include_str!("model.json")).expect("a unit test reads the built-in model")
 });
 
-/// Coefficients of two logistic regressions, and the thresholds of decisions.
+/// Coefficients of two regressions on the [`Evidence`], and the thresholds of decisions.
 ///
-/// The first ranks the poses of a pair by their evidence,
+/// Both have the terms
 ///
-/// log odds = intercept + overlap · ln(o + 0.01) + descriptor_distinctiveness · ln(max(d + 0.1,
-/// 0.01))
-/// + inlier_score · ln(1 + i) + free_space_violation · √f,
+/// intercept + overlap · ln(o + 0.01) + surface_conflict · ln(c + 0.01)
+/// + residual_std · ln(r + 0.05) + surface_patches · ln(1 + p)
+/// + descriptor_distinctiveness · ln(max(d + 0.1, 0.01)) + inlier_score · ln(1 + i),
 ///
-/// with one set of coefficients for known viewpoints of both clouds and one for all others. The
-/// second gives the probability of the best pose,
-///
-/// log odds = intercept + pose · (log odds of the pose) + supporting_hypotheses · ln(1 + h)
-/// + translation_std · ln(s).
+/// and, where the viewpoints of both clouds are known, + sensors_known + free_space_violation · √f,
+/// where they were estimated + estimated_free_space_violation · √e.
+/// The first, `pose`, ranks the poses of a pair: the difference of two is the logarithm of how much
+/// more probable one is than the other. The second, `answer`, gives the log odds of the best pose,
+/// with + supporting_hypotheses · ln(1 + h) + translation_std · ln(s).
 ///
 /// The built-in model ([`VerdictModel::default`]) is the file `src/verify/model.json`, which
 /// `python-ref/verdict` writes. A file of the same form replaces it
-/// ([`Consensus::model`](crate::method::Consensus::model)).
+/// ([`Consensus::model`](crate::method::Consensus::model)). A coefficient that a file leaves out is
+/// 0: the term is not used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VerdictModel {
@@ -44,51 +45,83 @@ pub struct VerdictModel {
     #[serde(default)]
     pub fitted: serde_json::Map<String, serde_json::Value>,
     /// Coefficients that rank poses.
-    pub pose: PoseCoefficients,
+    pub pose: EvidenceCoefficients,
     /// Coefficients of the probability of the best pose.
     pub answer: AnswerCoefficients,
     /// Decision thresholds.
     pub thresholds: Thresholds,
 }
 
-/// Coefficients that rank poses.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PoseCoefficients {
-    /// For known viewpoints of both clouds.
-    pub sensors_known: EvidenceCoefficients,
-    /// For pairs with an unknown viewpoint.
-    pub sensors_unknown: EvidenceCoefficients,
-}
-
 /// Coefficients of the terms of the evidence.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct EvidenceCoefficients {
     /// Constant term.
     pub intercept: f64,
+    /// Constant term of pairs whose viewpoints are both known.
+    pub sensors_known: f64,
     /// Coefficient of ln(overlap + 0.01).
     pub overlap: f64,
+    /// Coefficient of ln(conflict + 0.01).
+    pub surface_conflict: f64,
+    /// Coefficient of ln(standard deviation + 0.05).
+    pub residual_std: f64,
+    /// Coefficient of ln(1 + patches).
+    pub surface_patches: f64,
     /// Coefficient of ln(max(distinctiveness + 0.1, 0.01)).
     pub descriptor_distinctiveness: f64,
     /// Coefficient of ln(1 + inlier score).
     pub inlier_score: f64,
     /// Coefficient of the square root of the violation.
     pub free_space_violation: f64,
+    /// Coefficient of the square root of the violation by estimated viewpoints.
+    pub estimated_free_space_violation: f64,
 }
 
 /// Coefficients of the probability of the best pose.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct AnswerCoefficients {
-    /// Constant term.
-    pub intercept: f64,
-    /// Coefficient of the log odds of the pose.
-    pub pose: f64,
+    /// Coefficients of the terms of the evidence.
+    #[serde(flatten)]
+    pub evidence: EvidenceCoefficients,
     /// Coefficient of ln(1 + hypotheses that converged to the pose).
     pub supporting_hypotheses: f64,
     /// Coefficient of the logarithm of the standard deviation of the translation, in voxels.
     pub translation_std: f64,
+}
+
+impl EvidenceCoefficients {
+    /// Returns the log odds of a pose by its evidence.
+    fn log_odds(&self, evidence: &Evidence) -> f64 {
+        let sum = self.intercept
+            + self.overlap * (evidence.overlap + 0.01).ln()
+            + self.surface_conflict * (evidence.surface_conflict + 0.01).ln()
+            + self.residual_std * (evidence.residual_std + 0.05).ln()
+            + self.surface_patches * evidence.surface_patches.ln_1p()
+            + self.descriptor_distinctiveness
+                * (evidence.descriptor_distinctiveness + 0.1).max(0.01).ln()
+            + self.inlier_score * evidence.inlier_score.ln_1p();
+        let seen = |share: f64| self.sensors_known + self.free_space_violation * share.sqrt();
+        let estimated = evidence.estimated_free_space_violation.unwrap_or(0.0).sqrt();
+        sum + evidence.free_space_violation.map_or(0.0, seen)
+            + self.estimated_free_space_violation * estimated
+    }
+
+    fn values(&self) -> [f64; 10] {
+        [
+            self.intercept,
+            self.sensors_known,
+            self.overlap,
+            self.surface_conflict,
+            self.residual_std,
+            self.surface_patches,
+            self.descriptor_distinctiveness,
+            self.inlier_score,
+            self.free_space_violation,
+            self.estimated_free_space_violation,
+        ]
+    }
 }
 
 /// Decision thresholds.
@@ -114,7 +147,7 @@ impl Default for Thresholds {
 /// Evidence for the answer of a search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Confidence {
-    pub(crate) evidence: PoseEvidence,
+    pub(crate) evidence: Evidence,
     /// Number of refined hypotheses that converged to the pose.
     pub(crate) supporting_hypotheses: usize,
     /// Standard deviation of its translation, in voxels; `None` if it cannot be estimated.
@@ -178,28 +211,12 @@ impl VerdictModel {
         if !(0.0..=1.0).contains(&ambiguous_odds) {
             return Err(Error::config("ambiguous_odds", ambiguous_odds, "must be in [0, 1]"));
         }
-        let of_evidence = |c: EvidenceCoefficients| {
-            [
-                c.intercept,
-                c.overlap,
-                c.descriptor_distinctiveness,
-                c.inlier_score,
-                c.free_space_violation,
-            ]
-        };
-        let answer = self.answer;
+        let answer = &self.answer;
+        let others = [answer.supporting_hypotheses, answer.translation_std];
         let all = [
-            ("sensors_known", &of_evidence(self.pose.sensors_known)[..]),
-            ("sensors_unknown", &of_evidence(self.pose.sensors_unknown)[..]),
-            (
-                "answer",
-                &[
-                    answer.intercept,
-                    answer.pose,
-                    answer.supporting_hypotheses,
-                    answer.translation_std,
-                ][..],
-            ),
+            ("pose", &self.pose.values()[..]),
+            ("answer", &answer.evidence.values()),
+            ("answer", &others),
         ];
         for (field, coefficients) in all {
             if let Some(bad) = coefficients.iter().find(|x| !x.is_finite()) {
@@ -209,25 +226,9 @@ impl VerdictModel {
         Ok(())
     }
 
-    /// Returns the log odds that a pose is correct, by its evidence alone: ranks the poses of a
-    /// pair.
-    pub(crate) fn pose_log_odds(&self, evidence: &PoseEvidence) -> f64 {
-        let overlap = (evidence.overlap + 0.01).ln();
-        let distinctiveness = (evidence.descriptor_distinctiveness + 0.1).max(0.01).ln();
-        let inliers = evidence.inlier_score.ln_1p();
-        let sum = |c: &EvidenceCoefficients| {
-            c.intercept
-                + c.overlap * overlap
-                + c.descriptor_distinctiveness * distinctiveness
-                + c.inlier_score * inliers
-        };
-        match evidence.free_space_violation {
-            Some(share) => {
-                let known = &self.pose.sensors_known;
-                sum(known) + known.free_space_violation * share.sqrt()
-            }
-            None => sum(&self.pose.sensors_unknown),
-        }
+    /// Ranks the poses of a pair by their evidence: returns the log odds of a pose beside others.
+    pub(crate) fn pose_log_odds(&self, evidence: &Evidence) -> f64 {
+        self.pose.log_odds(evidence)
     }
 
     /// Returns the probability that the best pose is correct, in (0, 1).
@@ -238,8 +239,7 @@ impl VerdictModel {
         let hypotheses = (confidence.supporting_hypotheses as f64).ln_1p();
         let translation_std = confidence.bounded_translation_std().ln();
         let c = &self.answer;
-        let log_odds = c.intercept
-            + c.pose * self.pose_log_odds(&confidence.evidence)
+        let log_odds = c.evidence.log_odds(&confidence.evidence)
             + c.supporting_hypotheses * hypotheses
             + c.translation_std * translation_std;
         1.0 / (1.0 + (-log_odds.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)).exp())
@@ -249,13 +249,7 @@ impl VerdictModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const EVIDENCE: PoseEvidence = PoseEvidence {
-        overlap: 0.3,
-        descriptor_distinctiveness: 0.7,
-        inlier_score: 9.0,
-        free_space_violation: None,
-    };
+    use crate::verify::evidence::tests::EVIDENCE;
 
     #[test]
     fn supporting_hypotheses_and_a_small_deviation_make_an_answer_more_probable() {
@@ -294,11 +288,8 @@ mod tests {
         assert_eq!(field(|model| model.thresholds.accept = 1.5), "accept");
         assert_eq!(field(|model| model.thresholds.reject = 0.8), "reject");
         assert_eq!(field(|model| model.thresholds.ambiguous_odds = -0.1), "ambiguous_odds");
-        assert_eq!(field(|model| model.answer.pose = f64::NAN), "answer");
-        assert_eq!(
-            field(|model| model.pose.sensors_known.overlap = f64::INFINITY),
-            "sensors_known"
-        );
+        assert_eq!(field(|model| model.answer.evidence.overlap = f64::NAN), "answer");
+        assert_eq!(field(|model| model.pose.overlap = f64::INFINITY), "pose");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::PoseCovariance;
+use super::evidence::Evidence;
 use super::model::{Thresholds, VerdictModel};
 use crate::cloud::Transform;
 use crate::error::{Error, Result};
@@ -91,6 +92,9 @@ pub struct Verdict {
     /// Share of a surface that overlaps the other and faces the same way, the larger of both
     /// directions, in [0, 1].
     pub overlap: f64,
+    /// All measurements for and against the pose; `None` in results of earlier versions.
+    #[serde(default)]
+    pub evidence: Option<Evidence>,
     /// The best alternative pose, if there is one.
     pub runner_up: Option<RunnerUp>,
     /// Covariance of the pose if it is correct, with its unobservable motions; `None` if too few
@@ -100,6 +104,10 @@ pub struct Verdict {
     /// A scale of the source, other than its own, at which clearly more of the source would overlap
     /// the target: a rigid pose of the unscaled clouds is then ambiguous.
     pub other_scale: Option<f64>,
+    /// Whether the mirror image of the source fits the target better than the source, at this pose
+    /// or one like it: a rigid pose is then ambiguous.
+    #[serde(default)]
+    pub mirrored: bool,
     /// Version of the [`VerdictModel`] that gave the probabilities and the decision.
     #[serde(default)]
     pub model: String,
@@ -119,7 +127,7 @@ impl Verdict {
     pub fn new(
         model: &VerdictModel,
         probability: f64,
-        overlap: f64,
+        evidence: Evidence,
         reasons: Vec<String>,
         mut runner_up: Option<RunnerUp>,
         covariance: Option<PoseCovariance>,
@@ -147,10 +155,12 @@ impl Verdict {
             decision,
             probability: shared,
             reasons,
-            overlap,
+            overlap: evidence.overlap,
+            evidence: Some(evidence),
             runner_up,
             covariance,
             other_scale: None,
+            mirrored: false,
             model: model.version.clone(),
             thresholds: model.thresholds,
         }
@@ -167,6 +177,20 @@ impl Verdict {
             "turned by quarter turns, {percent:.0} % of the source still lies on the target"
         ));
         self
+    }
+
+    /// Changes an accepted pose to ambiguous because the mirrored source would have this `overlap`
+    /// with the target, and less conflict.
+    pub(crate) fn with_mirrored(mut self, overlap: f64) -> Verdict {
+        if self.decision == Decision::Accept {
+            self.decision = Decision::Ambiguous;
+        }
+        let percent = 100.0 * overlap;
+        self.reasons.push(format!(
+            "the mirror image of the source fits better: {percent:.0} % of it would overlap (is an \
+             axis of one cloud reversed?)"
+        ));
+        Verdict { mirrored: true, ..self }
     }
 
     /// Changes an accepted pose to ambiguous because the source scaled by `scale` would have this
@@ -205,13 +229,14 @@ fn exclusive_probabilities(first: f64, second: f64) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::verify::Twist;
+    use crate::verify::evidence::tests::EVIDENCE;
 
     #[test]
     fn probabilities_decide() {
         let told = |probability, other: Option<f64>| {
             let transform = Transform::IDENTITY;
             let other = other.map(|probability| RunnerUp { transform, probability });
-            Verdict::new(&VerdictModel::default(), probability, 0.5, Vec::new(), other, None)
+            Verdict::new(&VerdictModel::default(), probability, EVIDENCE, Vec::new(), other, None)
         };
         let decided = |probability, other| told(probability, other).decision;
         assert_eq!(decided(0.99, None), Decision::Accept);
@@ -242,7 +267,7 @@ mod tests {
             let verdict = Verdict::new(
                 &VerdictModel::default(),
                 probability,
-                0.5,
+                EVIDENCE,
                 Vec::new(),
                 Some(other),
                 None,
@@ -250,7 +275,8 @@ mod tests {
             (verdict.probability, verdict.runner_up.unwrap().probability, verdict.decision)
         };
         assert_eq!(
-            Verdict::new(&VerdictModel::default(), 1.0, 0.5, Vec::new(), None, None).probability,
+            Verdict::new(&VerdictModel::default(), 1.0, EVIDENCE, Vec::new(), None, None)
+                .probability,
             1.0
         );
         assert_eq!(told(1.0, 0.95), (1.0, 0.0, Decision::Accept));
@@ -303,7 +329,7 @@ mod tests {
             unobservable: undetermined,
         };
         let decided = |known| {
-            Verdict::new(&VerdictModel::default(), 0.99, 0.5, Vec::new(), None, Some(known))
+            Verdict::new(&VerdictModel::default(), 0.99, EVIDENCE, Vec::new(), None, Some(known))
                 .decision
         };
         assert_eq!(decided(known(Vec::new())), Decision::Accept);

@@ -154,6 +154,8 @@ pub enum Warning {
         /// [`Verdict::other_scale`].
         scale: f64,
     },
+    /// The mirror image of the source fits the target better.
+    Mirrored,
     /// The search for the largest set of consistent correspondences ended at its limit: there may
     /// be a larger set.
     CliqueNotProved {
@@ -233,6 +235,7 @@ impl Warning {
             warnings.push(Warning::Unobservable { motions: loose });
         }
         warnings.extend(verdict.other_scale.map(|scale| Warning::ScaleMismatch { scale }));
+        warnings.extend(verdict.mirrored.then_some(Warning::Mirrored));
         warnings
     }
 }
@@ -312,6 +315,11 @@ impl fmt::Display for Warning {
                 f,
                 "scaled by {scale:.3}, the source would overlap the target clearly better: convert \
                  both to one unit and register them again"
+            ),
+            Warning::Mirrored => write!(
+                f,
+                "the mirror image of the source fits the target better: an axis of one cloud is \
+                 reversed, or the clouds show a left and a right part"
             ),
             Warning::CliqueNotProved { found } => write!(
                 f,

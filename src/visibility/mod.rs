@@ -75,7 +75,7 @@ fn record_nearest<D: Copy + PartialOrd>(nearest: &mut NearestDepths<D>, pixel: P
 }
 
 /// Returns `count` directions spread evenly over the sphere: a Fibonacci lattice.
-fn fibonacci_directions(count: usize) -> impl Iterator<Item = Vec3> {
+pub(crate) fn fibonacci_directions(count: usize) -> impl Iterator<Item = Vec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |i| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;

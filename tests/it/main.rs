@@ -3,6 +3,7 @@
 
 mod common;
 
+mod adversaries;
 mod architecture;
 mod batch;
 mod cached;

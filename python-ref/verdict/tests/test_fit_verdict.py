@@ -1,4 +1,4 @@
-"""The verdict's fit on poses whose odds are known."""
+"""The fit of the verdict model, on poses whose probabilities are known."""
 
 import contextlib
 import io
@@ -9,105 +9,125 @@ import numpy as np
 
 from verdict import fit_verdict
 from verdict.fit_verdict import (
+    EVIDENCE,
+    FOUND,
     MODEL,
-    Judge,
+    Model,
     Poses,
     calibration_error,
-    cells,
+    crate_model,
     fit,
-    held_out,
-    model_of,
-    place,
-    source_judge,
+    interval,
+    left_out,
+    logistic,
+    model_file,
+    print_left_out,
+    results,
+    source_of,
 )
 
-EVIDENCE = {True: np.array([-2.0, 1.0, 2.0, 0.5, -6.0]), False: np.array([-1.0, 0.5, 1.5, 1.0, 0.0])}
-TRUE = Judge(EVIDENCE, np.array([0.5, 1.0, 0.8, -0.4]))
+SIGNS = np.array(list(EVIDENCE.values()))
+TRUE = Model(
+    SIGNS * np.array([1.0, 2.0, 0.5, 1.5, 0.7, 0.3, 0.4, 0.6]),
+    np.r_[-1.0, SIGNS * np.array([0.5, 1.0, 0.3, 0.6, 0.2, 0.4, 0.3, 0.2]), 0.8, -0.4],
+)
 
 
-def poses(count, seed=1):
-    """Poses of two places and both kinds, right with the probability that `TRUE` tells."""
+def poses(pairs, each=6, seed=1):
+    """Poses of pairs of two sources, of which one is right: pose k by the odds of `TRUE`."""
     rng = np.random.default_rng(seed)
-    known = rng.uniform(size=count) < 0.5
-    terms = np.column_stack([np.ones(count), rng.normal(size=(count, 3)), known * rng.uniform(size=count)])
-    places = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
-    standing = rng.normal(size=(count, 2))
-    drawn = Poses(terms, standing, known, np.zeros(count, bool), places[:, 0], places)
+    terms = rng.normal(size=(pairs, each, len(EVIDENCE)))
+    share = np.exp(terms @ TRUE.pose)
+    share /= share.sum(axis=1, keepdims=True)
+    chosen = (share.cumsum(axis=1) > rng.uniform(size=(pairs, 1))).argmax(axis=1)
+    right = np.arange(each) == chosen[:, None]
+    numbers = np.repeat(np.arange(pairs), each)
+    sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[numbers % 2]
+    return Poses(
+        terms.reshape(-1, len(EVIDENCE)), np.zeros((pairs * each, 2)), right.ravel(), numbers, sources[:, 0], sources
+    )
+
+
+def answers(count, seed=2):
+    """Answers that are right with the probability that `TRUE` gives."""
+    rng = np.random.default_rng(seed)
+    terms, found = rng.normal(size=(count, len(EVIDENCE))), rng.normal(size=(count, 2))
+    sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
+    drawn = Poses(terms, found, np.zeros(count, bool), np.arange(count), sources[:, 0], sources)
     drawn.right = rng.uniform(size=count) < TRUE.probabilities(drawn)
     return drawn
 
 
 class Fit(unittest.TestCase):
-    def test_the_constants_come_back(self):
-        drawn = poses(40_000)
-        judge = fit(drawn, drawn)
-        slope = judge.answer[1]
-        for kind in EVIDENCE:
-            # One offset undoes the balance of both kinds, which is not the same.
-            np.testing.assert_allclose(slope * judge.evidence[kind][1:], EVIDENCE[kind][1:], rtol=0.1, atol=0.1)
-        # The offset that is left flattens the others.
-        np.testing.assert_allclose(judge.answer[2:], TRUE.answer[2:], atol=0.1)
+    def test_the_coefficients_come_back(self):
+        drawn = answers(20_000)
+        model = fit(poses(6_000), drawn)
+        np.testing.assert_allclose(model.pose, TRUE.pose, atol=0.1)
+        np.testing.assert_allclose(model.answer, TRUE.answer, atol=0.1)
+        self.assertLess(calibration_error(model.probabilities(drawn), drawn.right), 0.02)
 
-    def test_the_calibration_undoes_the_balance(self):
-        """Weights that make right and wrong as many move the odds; the answers move them back."""
-        drawn = poses(20_000)
-        drawn = drawn.where(drawn.known)
-        self.assertLess(np.mean(drawn.right), 0.4)
-        judge = fit(drawn, drawn)
-        self.assertLess(judge.answer[0], -0.5)
-        self.assertLess(calibration_error(judge.probabilities(drawn), drawn.right), 0.02)
-
-    def test_the_source_has_as_many_constants_as_there_are_terms(self):
-        source = source_judge()
-        self.assertEqual([len(source.evidence[known]) for known in (True, False)], [5, 5])
-        self.assertLess(source.evidence[True][4], -10)
-        self.assertGreater(source.evidence[False][3], 0)
-        self.assertEqual(len(source.answer), 4)
-        self.assertGreater(source.answer[2], 0)
-        self.assertLess(source.answer[3], 0)
-
+    def test_a_coefficient_of_the_wrong_sign_is_zero(self):
+        rng = np.random.default_rng(3)
+        terms = rng.normal(size=(2_000, 2))
+        right = rng.uniform(size=2_000) < 1 / (1 + np.exp(-terms @ [1.0, 1.0]))
+        found = logistic(terms, right, [+1, -1], 1.0)
+        self.assertGreater(found[1], 0.7)
+        self.assertEqual(found[2], 0.0)
 
     def test_a_model_file_has_what_the_crate_reads(self):
-        model = model_of(TRUE, "test", "made")
+        model = model_file(TRUE, "test", "made")
         crate = json.loads(MODEL.read_text())
         self.assertEqual(list(model), list(crate))
         for part in ("pose", "answer", "thresholds"):
-            self.assertEqual(list(model[part]), list(crate[part]))
-        self.assertEqual(model["pose"]["sensors_known"]["free_space_violation"], -6.0)
+            self.assertEqual(set(model[part]), set(crate[part]))
+        self.assertEqual(model["pose"]["surface_conflict"], -2.0)
         self.assertEqual(model["answer"]["translation_std"], -0.4)
+
+    def test_the_coefficients_of_the_crate_have_their_signs(self):
+        crate = crate_model()
+        self.assertTrue((crate.pose * SIGNS >= 0).all())
+        self.assertTrue((crate.answer[1:] * [*SIGNS, *FOUND.values()] >= 0).all())
+        self.assertLess(crate.answer[2], -0.5)
 
 
 class Judged(unittest.TestCase):
-    def test_scans_of_the_kitchen_are_one_place(self):
+    def test_scans_of_the_kitchen_are_one_source(self):
         files = ["x/rgbd_tsdf_fusion/a.ply", "y/7-scenes-redkitchen/b.ply", "rgbd_7scenes_frames/c.ply"]
-        self.assertEqual({place(file) for file in files}, {"kitchen"})
-        self.assertEqual(place("x/kitti00/1.ply"), "kitti00")
+        self.assertEqual({source_of(file) for file in files}, {"kitchen"})
+        self.assertEqual(source_of("x/kitti00/1.ply"), "kitti00")
 
-    def test_what_is_accepted_and_refused_is_counted(self):
-        right = np.array([True, True, False, False, False])
-        places = np.array([["a", "a"]] * 3 + [["a", "b"]] * 2)
-        answers = Poses(np.ones((5, 5)), np.zeros((5, 2)), right, right, places[:, 0], places)
-        found = cells(np.array([0.95, 0.65, 0.75, 0.05, 0.85]), answers)
-        # (0.05 + 0.35 + 0.75 + 0.05 + 0.85) / 5
-        self.assertEqual(found, ["0.410", "1/2", "1/1", "1/2"])
+    def test_accepted_and_refused_answers_are_counted(self):
+        right = np.array([True, True, True, False, False, False])
+        sets = np.array(["a"] * 4 + ["unrelated rooms"] * 2)
+        drawn = Poses(np.ones((6, 8)), np.zeros((6, 2)), right, np.arange(6), sets, np.array([["a", "a"]] * 6))
+        found = results(np.array([0.95, 0.65, 0.1, 0.75, 0.05, 0.85]), drawn)
+        counts = [cell.split(" ")[0] for cell in found[1:]]
+        self.assertEqual(counts, ["1/2", "1/1", "2/3", "1/3"])
 
-    def test_no_place_that_is_judged_was_fitted(self):
-        drawn, seen = poses(400), []
+    def test_intervals_are_those_of_clopper_and_pearson(self):
+        self.assertEqual(interval(0, 10), "0/10 (0.0-30.8 %)")
+        self.assertEqual(interval(1, 10), "1/10 (0.3-44.5 %)")
+        self.assertEqual(interval(10, 10), "10/10 (69.2-100.0 %)")
+        self.assertEqual(interval(0, 0), "-")
+
+    def test_no_source_that_is_judged_was_fitted(self):
+        drawn, judged, seen = poses(60), answers(400), []
         honest = fit_verdict.fit
 
         def watched(fitted, answers):
-            seen.append(set(fitted.places.flat) | set(answers.places.flat))
+            seen.append(set(fitted.sources.flat) | set(answers.sources.flat))
             return honest(fitted, answers)
 
         fit_verdict.fit = watched
         try:
-            with contextlib.redirect_stdout(io.StringIO()) as printed:
-                held_out(drawn, {"run": drawn}, TRUE)
+            told = left_out(drawn, judged)
         finally:
             fit_verdict.fit = honest
         self.assertEqual(seen, [{"cellar"}, {"attic"}])
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            print_left_out(told, judged)
         self.assertIn("| attic | 200 |", printed.getvalue())
-        self.assertIn("| all of these | 400 |", printed.getvalue())
+        self.assertIn("| all | 400 |", printed.getvalue())
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 //! Consensus: consistent correspondences of the full connection, verified on the surfaces.
 
+mod alternatives;
 mod filtered_cloud;
 mod hypotheses;
+mod mirrored;
 mod result;
 mod scale_mismatch;
 mod scan;
@@ -17,7 +19,7 @@ use self::filtered_cloud::FilteredCloud;
 use self::hypotheses::PointPair;
 use self::scan::{Scan, ViewpointHypothesis};
 pub use self::scored_pose::ScoredPose;
-use self::trial::ViewpointTrial;
+use self::trial::{LocalScoredPose, ViewpointTrial, sort_by_odds};
 use super::registration::Timings;
 use super::{Cached, Channel, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -27,7 +29,7 @@ use crate::normals::OrientedBy;
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
 use crate::surface::{INLIER_DISTANCE, RefineOptions, Refined, Surface, refine, to_cloud_frames};
-use crate::verify::{PoseEvidence, VerdictModel};
+use crate::verify::VerdictModel;
 
 /// Global registration of scans that overlap in part: the method for clouds without prior
 /// knowledge.
@@ -127,6 +129,13 @@ const FINE_REFINEMENT: RefineOptions =
 const DUPLICATE_POSE: f64 = 3.0;
 /// Mean displacement from which on a runner-up is a different pose, in voxel sizes. Chosen by hand.
 const DISTINCT_POSE: f64 = 8.0;
+/// Number of candidates that are refined finely, before the best of them is chosen. Chosen by hand.
+const FINE_POSES: usize = 3;
+/// Difference of the log odds from the best candidate up to which others are refined finely. Chosen
+/// by hand.
+const CLOSE_LOG_ODDS: f64 = 3.0;
+/// Log odds of a pose above which its alternatives are looked for. Chosen by hand.
+const MIN_LOG_ODDS_FOR_ALTERNATIVES: f64 = 0.0;
 /// A verified pose is scored as its refined pose if both are nearer than this, in voxel sizes.
 /// Chosen by hand.
 const MAX_REFINE_SHIFT: f64 = 1.0;
@@ -147,7 +156,10 @@ pub(super) struct ConsensusSearch<'a> {
     /// Number of the trial with the best pose.
     best_trial: usize,
     refined: Refined,
-    evidence: PoseEvidence,
+    /// The best pose, with its evidence.
+    best: LocalScoredPose,
+    /// Poses that could rival the best one, most probable first.
+    alternatives: Vec<LocalScoredPose>,
 }
 
 impl Consensus {
@@ -267,11 +279,36 @@ impl Consensus {
         else {
             return Err(Error::NO_WEIGHT);
         };
-        let ends = at.surface_refs();
-        let settled = times.time("refine", || {
-            refine(ends, &first.pose, INLIER_DISTANCE * length, FINE_REFINEMENT, &self.prior)
+        let (best_trial, first) = (best, first.log_odds);
+        let finest = |pose: &Transform| -> (Refined, LocalScoredPose) {
+            let max_distance = INLIER_DISTANCE * length;
+            let ends = at.surface_refs();
+            let refined = refine(ends, pose, max_distance, FINE_REFINEMENT, &self.prior);
+            (refined, at.score(&refined.pose, self.verdict_model()))
+        };
+        let mut best = times.time("refine", || {
+            let near = |candidate: &&LocalScoredPose| candidate.log_odds > first - CLOSE_LOG_ODDS;
+            let close: Vec<_> = at.candidates.iter().take(FINE_POSES).take_while(near).collect();
+            let mut all = par::map(close.len(), || (), |_, k| finest(&close[k].pose));
+            // The first of equally good ones.
+            all.reverse();
+            all.into_iter().max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))
         });
-        let evidence = at.evidence(&settled.pose, COARSE_REFINEMENT.max_points);
+        let Some((mut refined, mut scored)) = best.take() else { return Err(Error::NO_WEIGHT) };
+        let mut alternatives = Vec::new();
+        if scored.log_odds > MIN_LOG_ODDS_FOR_ALTERNATIVES {
+            times.time("alternatives", || {
+                alternatives = self.alternatives(at, &scored.pose, length);
+                if let Some(other) = alternatives.first()
+                    && other.log_odds > scored.log_odds
+                {
+                    let beaten = scored;
+                    (refined, scored) = finest(&other.pose);
+                    alternatives[0] = beaten;
+                    sort_by_odds(&mut alternatives);
+                }
+            });
+        }
         Ok(ConsensusSearch {
             config,
             given,
@@ -279,9 +316,10 @@ impl Consensus {
             scans,
             known_viewpoints: sensors,
             trials: attempts,
-            best_trial: best,
-            refined: settled,
-            evidence,
+            best_trial,
+            refined,
+            best: scored,
+            alternatives,
         })
     }
 }

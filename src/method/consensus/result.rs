@@ -15,7 +15,8 @@ impl ConsensusSearch<'_> {
         let best = &self.trials[self.best_trial];
         let (settled, [from, onto]) = (self.refined, &best.surfaces);
         let covariance = times.time("covariance", || self.covariance(&settled.pose));
-        let verdict = self.build_verdict(&settled.pose, self.evidence, covariance);
+        let verdict =
+            times.time("verify", || self.build_verdict(&self.best, &self.alternatives, covariance));
         let counts = |scan: &Scan<'_>, surface: &Surface| CloudCounts {
             dropped: scan.filtered_cloud().cloud().dropped(),
             no_returns: scan.filtered_cloud().cloud().no_returns(),

@@ -1,9 +1,9 @@
 //! Check that two surfaces have one scale: a rigid pose of clouds in two units is wrong.
 
-use super::{COARSE_REFINEMENT, ConsensusSearch};
+use super::ConsensusSearch;
 use crate::cloud::Transform;
 use crate::surface::{INLIER_DISTANCE, refine_with_scale};
-use crate::verify::PoseEvidence;
+use crate::verify::Evidence;
 
 /// Smallest deviation of a scale from 1 that is reported: smaller ones are errors of a sensor, not
 /// of a unit. Chosen by hand.
@@ -25,12 +25,12 @@ impl ConsensusSearch<'_> {
     pub(super) fn find_scale_mismatch(
         &self,
         pose: &Transform,
-        evidence: &PoseEvidence,
+        evidence: &Evidence,
     ) -> Option<ScaleMismatch> {
         let best = &self.trials[self.best_trial];
         let ends = best.surface_refs();
         let scaled = refine_with_scale(ends, pose, INLIER_DISTANCE * self.voxel_size)?;
-        let overlap = best.evidence(&scaled, COARSE_REFINEMENT.max_points).overlap;
+        let overlap = best.score(&scaled, self.config.verdict_model()).evidence.overlap;
         let other = (scaled.scale - 1.0).abs() > MIN_SCALE_CHANGE
             && overlap > evidence.overlap + MIN_OVERLAP_GAIN;
         other.then_some(ScaleMismatch { scale: scaled.scale, overlap })

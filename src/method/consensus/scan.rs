@@ -29,6 +29,21 @@ const DESCRIPTOR_NEIGHBORS: usize = 100;
 /// confidence.
 const MAX_ORIGIN_COST: f64 = 0.2;
 
+/// Absolute cosine of the angle between an estimated normal and the cloud's own from which on the
+/// latter tells the side: 60 degrees. Chosen by hand.
+const MIN_STORED_COSINE: f32 = 0.5;
+/// Smallest share of the points whose side the cloud's own normals tell. Chosen by hand.
+const MIN_STORED_SHARE: f64 = 0.8;
+/// Smallest share of pairs of neighbours whose sides agree; normals of random sides have 0.5. Chosen
+/// by hand: both sides of a thin wall are neighbours, too.
+const MIN_SIDE_AGREEMENT: f64 = 0.8;
+/// Number of neighbours whose sides are compared. Chosen by hand.
+const SIDE_NEIGHBORS: usize = 6;
+
+/// Largest visibility cost of an estimated viewpoint from which free space is judged. Chosen by hand:
+/// parts that a scan hides from its own viewpoint would count as violations.
+const MAX_ESTIMATE_COST: f64 = 0.2;
+
 /// Points nearer to a sensor than this share of the median distance may be the ego-vehicle. Chosen
 /// by hand.
 const EGO_RANGE_FACTOR: f64 = 0.5;
@@ -73,6 +88,8 @@ pub(super) enum ViewpointHypothesis {
     Estimated(Vec3),
     /// Seen from all sides.
     Outward,
+    /// On the side that the cloud's own normals say.
+    Stored,
 }
 
 impl<'a> Scan<'a> {
@@ -117,15 +134,38 @@ impl<'a> Scan<'a> {
 
     /// Estimates the viewpoints by the shape alone.
     pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
-        let guesses = self.downsampled.cache.get_or_compute(EstimatedViewpointsKey, || {
+        let ViewpointEstimates { outside, inside } = self.viewpoint_estimates()?;
+        Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
+    }
+
+    fn viewpoint_estimates(&self) -> Result<ViewpointEstimates> {
+        let estimates = self.downsampled.cache.get_or_compute(EstimatedViewpointsKey, || {
             let glance = self.downsampled.viewpoint_sample()?;
             Ok(CachedViewpoints(ViewpointEstimates::compute(
                 glance.oriented_sample(),
                 &glance.neighborhood_offsets,
             )))
         })?;
-        let ViewpointEstimates { outside, inside } = guesses.0;
-        Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
+        Ok(estimates.0)
+    }
+
+    /// Returns the depth image from the estimated viewpoint; `None` if the scan hides parts of itself
+    /// from every viewpoint: it has none, or several.
+    pub(super) fn estimated_depth_image(&self) -> Result<Option<Arc<DepthImage>>> {
+        let ViewpointEstimates { outside, inside } = self.viewpoint_estimates()?;
+        let best = [outside, inside].into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1));
+        match best {
+            Some((at, cost)) if cost < MAX_ESTIMATE_COST => {
+                let at = math::add(at, self.downsampled.cloud.origin());
+                self.depth_image(ViewpointHypothesis::Known(at, OrientedBy::Guess))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Returns whether the cloud has normals whose side is consistent.
+    pub(super) fn has_stored_normals(&self) -> bool {
+        self.downsampled.stored_sides().is_some()
     }
 
     /// Returns the scan seen from `view`, with descriptors.
@@ -139,12 +179,8 @@ impl<'a> Scan<'a> {
     fn depth_image(&self, view: ViewpointHypothesis) -> Result<Option<Arc<DepthImage>>> {
         let at = match (view, self.filtered.range_limit()) {
             (ViewpointHypothesis::Known(at, _), _) => at,
-            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, Some(limit)) => {
-                limit.viewpoint
-            }
-            (ViewpointHypothesis::Estimated(_) | ViewpointHypothesis::Outward, None) => {
-                return Ok(None);
-            }
+            (_, Some(limit)) => limit.viewpoint,
+            (_, None) => return Ok(None),
         };
         let (origin, length) = (self.downsampled.cloud.origin(), self.downsampled.voxel_size);
         let image = || {
@@ -241,6 +277,38 @@ impl DownsampledScan {
         Ok(self.viewpoint_sample.get_or_init(|| found))
     }
 
+    /// Returns the estimated normals on the side of the cloud's own; `None` if the cloud has none, if
+    /// they are not normals of the surface, or if their side changes from point to point.
+    fn stored_sides(&self) -> Option<Vec<[f32; 3]>> {
+        let stored = self.cloud.normals()?;
+        let cosine = |i: usize| {
+            let size = math::norm(stored[i]).max(f32::MIN_POSITIVE);
+            math::dot(self.normals[i], stored[i]) / size
+        };
+        let side = |i: usize| match cosine(i) < 0.0 {
+            true => self.normals[i].map(|x| -x),
+            false => self.normals[i],
+        };
+        let sided: Vec<[f32; 3]> = (0..stored.len()).map(side).collect();
+        let share = |hit: usize, all: usize| hit as f64 / all.max(1) as f64;
+        let with_side: Vec<usize> =
+            (0..sided.len()).filter(|&i| cosine(i).abs() > MIN_STORED_COSINE).collect();
+        let (mut agreeing, mut all) = (0, 0);
+        for &i in &with_side {
+            for &j in self.neighbors.indices(i).iter().skip(1).take(SIDE_NEIGHBORS) {
+                let cosine = math::dot(sided[i], sided[j as usize]);
+                // Across an edge normals differ on both sides.
+                if cosine.abs() > MIN_STORED_COSINE {
+                    agreeing += usize::from(cosine > 0.0);
+                    all += 1;
+                }
+            }
+        }
+        (share(with_side.len(), sided.len()) >= MIN_STORED_SHARE
+            && share(agreeing, all) >= MIN_SIDE_AGREEMENT)
+            .then_some(sided)
+    }
+
     /// Computes the surface seen from `view`, with descriptors; `seen` is the sensor's depth image.
     fn compute_surface(
         &self,
@@ -253,6 +321,10 @@ impl DownsampledScan {
             ViewpointHypothesis::Known(at, by) => (sight.orient_normals(math::sub(at, origin)), by),
             ViewpointHypothesis::Estimated(at) => (sight.orient_normals(at), OrientedBy::Guess),
             ViewpointHypothesis::Outward => (self.normals.clone(), OrientedBy::Centroid),
+            ViewpointHypothesis::Stored => match self.stored_sides() {
+                Some(normals) => (normals, OrientedBy::Stored),
+                None => (self.normals.clone(), OrientedBy::Centroid),
+            },
         };
         let descriptors = fpfh(points, &normals, &self.neighbors, HistogramScale::Open3d)?;
         let defined =

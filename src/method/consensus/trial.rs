@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::hypotheses::MAX_CORRESPONDENCES;
-use super::hypotheses::{Correspondences, PointPair};
+use super::hypotheses::{Correspondences, Hypothesis, PointPair};
 use super::scan::{Scan, ViewpointHypothesis, append_channels};
 use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
@@ -12,7 +12,11 @@ use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
 use crate::surface::{INLIER_DISTANCE, Surface, refine};
-use crate::verify::{PoseEvidence, VerdictModel, squared_descriptor_distance};
+use crate::verify::{
+    Confidence, Evidence, Measurement, VerdictModel, estimated_free_space_violation,
+    squared_descriptor_distance,
+};
+use crate::visibility::DepthImage;
 
 /// Mutual matches below which every point of the source is matched with its most alike.
 const MIN_MUTUAL: usize = 16;
@@ -20,20 +24,29 @@ const MIN_MUTUAL: usize = 16;
 const COARSE_POINTS: usize = 200;
 /// Number of hypotheses that are refined. Chosen by hand.
 const REFINED_HYPOTHESES: usize = 12;
-/// Log odds from which on no other viewpoints are tried. Chosen by hand.
-const EARLY_EXIT_LOG_ODDS: f64 = 5.0;
+/// Scoring of hypotheses: their poses are off by some voxels. Chosen by hand.
+const GLANCE: Measurement = Measurement { max_points: COARSE_POINTS, pose_error: 2.0 };
+/// Scoring of refined poses. Chosen by hand.
+const REFINED: Measurement =
+    Measurement { max_points: COARSE_REFINEMENT.max_points, pose_error: 0.0 };
+/// Probability of a pose from which on no other viewpoints are tried. Chosen by hand.
+const EARLY_EXIT_PROBABILITY: f64 = 0.98;
+/// Supporting hypotheses of most correct answers of real pairs (`cfreg benchmark --candidates`).
+const USUAL_HYPOTHESES: usize = 5;
+/// Standard deviation of the translation of most correct answers of the same pairs, in voxels.
+const USUAL_TRANSLATION_STD: f64 = 0.1;
 
 /// A pose in local frames, with its evidence.
 #[derive(Clone, Copy)]
 pub(super) struct LocalScoredPose {
     pub(super) pose: Transform,
-    pub(super) evidence: PoseEvidence,
+    pub(super) evidence: Evidence,
     /// Log odds of the pose by the evidence alone.
     pub(super) log_odds: f64,
 }
 
 impl LocalScoredPose {
-    pub(super) fn new(pose: Transform, evidence: PoseEvidence, model: &VerdictModel) -> Self {
+    pub(super) fn new(pose: Transform, evidence: Evidence, model: &VerdictModel) -> Self {
         LocalScoredPose { pose, evidence, log_odds: model.pose_log_odds(&evidence) }
     }
 }
@@ -44,6 +57,8 @@ pub(super) struct ViewpointTrial {
     pub(super) correspondences: Correspondences,
     /// Most probable first; may be empty.
     pub(super) candidates: Vec<LocalScoredPose>,
+    /// Depth images from estimated viewpoints, if there are such.
+    pub(super) estimated_images: [Option<Arc<DepthImage>>; 2],
 }
 
 impl ViewpointTrial {
@@ -51,13 +66,32 @@ impl ViewpointTrial {
         self.surfaces.each_ref().map(|surface| &**surface)
     }
 
-    /// Measures the evidence for `pose` on at most `max_points` of each surface.
-    pub(super) fn evidence(&self, pose: &Transform, max_points: usize) -> PoseEvidence {
-        score_pose(self.surface_refs(), &self.correspondences, pose, max_points)
+    /// Scores a refined `pose`.
+    pub(super) fn score(&self, pose: &Transform, model: &VerdictModel) -> LocalScoredPose {
+        let surfaces = self.surface_refs();
+        let mut scored = score_pose(surfaces, &self.correspondences, pose, REFINED, model);
+        if scored.evidence.free_space_violation.is_none() {
+            let images = self.estimated_images.each_ref().map(Option::as_deref);
+            let (voxel_size, points) = (self.correspondences.voxel_size, REFINED.max_points);
+            scored.evidence.estimated_free_space_violation =
+                estimated_free_space_violation(surfaces, images, pose, voxel_size, points);
+        }
+        LocalScoredPose::new(*pose, scored.evidence, model)
     }
 }
 
 impl Consensus {
+    /// Returns whether a pose with this evidence is probable enough to end the search; how well it is
+    /// constrained, and how many hypotheses support it, is assumed to be as usual.
+    fn is_certain(&self, evidence: Evidence) -> bool {
+        let confidence = Confidence {
+            evidence,
+            supporting_hypotheses: USUAL_HYPOTHESES,
+            translation_std: Some(USUAL_TRANSLATION_STD),
+        };
+        self.verdict_model().probability(&confidence) >= EARLY_EXIT_PROBABILITY
+    }
+
     /// Tries the viewpoint hypotheses in turn, until a pose is certain enough.
     pub(super) fn run_trials(
         &self,
@@ -70,27 +104,54 @@ impl Consensus {
         let mut attempts = Vec::new();
         let mut attempt = |views: [ViewpointHypothesis; 2], times: &mut Timings| -> Result<bool> {
             let found = self.run_trial(scans, views, given, length, times)?;
-            let odds = found.candidates.first().map(|best| best.log_odds);
+            let best = found.candidates.first().map(|best| best.evidence);
             attempts.push(found);
-            Ok(odds.is_some_and(|odds| odds >= EARLY_EXIT_LOG_ODDS))
+            Ok(best.is_some_and(|evidence| self.is_certain(evidence)))
         };
         if let [Some(source), Some(target)] = sensors
             && attempt([source, target], times)?
         {
             return Ok(attempts);
         }
+        let mut estimates = None;
+        let stored = scans.each_ref().map(Scan::has_stored_normals);
+        if stored != [false; 2] {
+            // The side of the other cloud, if it has no normals: that of its sensor, known or not.
+            let mut side = |k: usize| -> Result<ViewpointHypothesis> {
+                if stored[k] {
+                    return Ok(ViewpointHypothesis::Stored);
+                }
+                let estimate = match sensors[k] {
+                    Some(known) => Some(known),
+                    None => estimate_viewpoints(scans, &mut estimates, times)?[k][0],
+                };
+                Ok(estimate.unwrap_or(ViewpointHypothesis::Outward))
+            };
+            if attempt([side(0)?, side(1)?], times)? {
+                return Ok(attempts);
+            }
+        }
         if attempt([ViewpointHypothesis::Outward; 2], times)? {
             return Ok(attempts);
         }
-        let [source, target] = times.time("viewpoints", || {
-            par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints())
-        })?;
+        let [source, target] = estimate_viewpoints(scans, &mut estimates, times)?;
         for (source, target) in source.into_iter().zip(target) {
             if let (Some(source), Some(target)) = (source, target)
                 && attempt([source, target], times)?
             {
                 break;
             }
+        }
+        let images = times.time("viewpoints", || {
+            par::join_pair(scans.each_ref(), |scan| scan.estimated_depth_image())
+        })?;
+        for trial in &mut attempts {
+            trial.estimated_images = images.clone();
+            let (poses, model) = (&trial.candidates, self.verdict_model());
+            let mut rescored =
+                par::map(poses.len(), || (), |_, k| trial.score(&poses[k].pose, model));
+            sort_by_odds(&mut rescored);
+            trial.candidates = rescored;
         }
         Ok(attempts)
     }
@@ -120,65 +181,94 @@ impl Consensus {
             None => match_features(&surfaces, length),
         })?;
         found.extend(times.time("hypotheses", || find(&matches)));
-        let [source, target] = surfaces;
-        let corners = probe_points(&source);
+        let ends = surfaces.each_ref().map(|surface| &**surface);
+        let candidates = times
+            .time("verify", || self.score_hypotheses(ends, &matches, found, REFINED_HYPOTHESES));
+        Ok(ViewpointTrial {
+            surfaces,
+            correspondences: matches,
+            candidates,
+            estimated_images: [None, None],
+        })
+    }
+
+    /// Scores distinct hypotheses, refines the best `most` of them, and scores them again: most
+    /// probable first.
+    pub(super) fn score_hypotheses(
+        &self,
+        ends: [&Surface; 2],
+        matches: &Correspondences,
+        hypotheses: Vec<Hypothesis>,
+        most: usize,
+    ) -> Vec<LocalScoredPose> {
+        let (length, model) = (matches.voxel_size, self.verdict_model());
+        let probes = probe_points(ends[0]);
         let mut distinct: Vec<Transform> = Vec::new();
-        for hypothesis in found {
+        for hypothesis in hypotheses {
             let new = |pose: &Transform| {
-                mean_displacement(pose, &hypothesis.pose, &corners) > DUPLICATE_POSE * length
+                mean_displacement(pose, &hypothesis.pose, &probes) > DUPLICATE_POSE * length
             };
             if distinct.iter().all(new) {
                 distinct.push(hypothesis.pose);
             }
         }
-        let ends = [&*source, &*target];
-        let model = self.verdict_model();
-        let judged = |pose: Transform, most| {
-            LocalScoredPose::new(pose, score_pose(ends, &matches, &pose, most), model)
+        let glance = |pose: &Transform| score_pose(ends, matches, pose, GLANCE, model);
+        let refined = |pose: &Transform| {
+            let max_distance = INLIER_DISTANCE * length;
+            let refined = refine(ends, pose, max_distance, COARSE_REFINEMENT, &self.prior);
+            score_pose(ends, matches, &refined.pose, REFINED, model)
         };
-        let sorted = |mut all: Vec<LocalScoredPose>| {
-            all.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
-            all
-        };
-        let candidates = times.time("judge", || {
-            let glance = par::map(distinct.len(), || (), |_, i| judged(distinct[i], COARSE_POINTS));
-            let mut best = sorted(glance);
-            best.truncate(REFINED_HYPOTHESES);
-            sorted(par::map(
-                best.len(),
-                || (),
-                |_, i| {
-                    judged(
-                        refine(
-                            ends,
-                            &best[i].pose,
-                            INLIER_DISTANCE * length,
-                            COARSE_REFINEMENT,
-                            &self.prior,
-                        )
-                        .pose,
-                        COARSE_REFINEMENT.max_points,
-                    )
-                },
-            ))
-        });
-        Ok(ViewpointTrial { surfaces: [source, target], correspondences: matches, candidates })
+        let mut best = par::map(distinct.len(), || (), |_, i| glance(&distinct[i]));
+        sort_by_odds(&mut best);
+        best.truncate(most);
+        let mut best = par::map(best.len(), || (), |_, i| refined(&best[i].pose));
+        sort_by_odds(&mut best);
+        best
     }
 }
 
-/// Measures the evidence for `pose` on at most `max_points` of each surface.
+/// The viewpoints of each scan, from outside and from inside.
+type Estimates = [[Option<ViewpointHypothesis>; 2]; 2];
+
+/// Estimates the viewpoints of both scans, unless they were.
+fn estimate_viewpoints(
+    scans: &[Scan<'_>; 2],
+    known: &mut Option<Estimates>,
+    times: &mut Timings,
+) -> Result<Estimates> {
+    if let Some(known) = known {
+        return Ok(*known);
+    }
+    let found = times.time("viewpoints", || {
+        par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints())
+    })?;
+    Ok(*known.insert(found))
+}
+
+/// Sorts the most probable first.
+pub(super) fn sort_by_odds(all: &mut [LocalScoredPose]) {
+    all.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+}
+
+/// Scores `pose`, local frame to local frame.
 fn score_pose(
     surfaces: [&Surface; 2],
     correspondences: &Correspondences,
     pose: &Transform,
-    max_points: usize,
-) -> PoseEvidence {
+    measurement: Measurement,
+    model: &VerdictModel,
+) -> LocalScoredPose {
     let inlier_score = correspondences.inlier_score(pose);
-    PoseEvidence::compute(surfaces, pose, inlier_score, correspondences.voxel_size, max_points)
+    let voxel_size = correspondences.voxel_size;
+    let evidence = Evidence::compute(surfaces, pose, inlier_score, voxel_size, measurement);
+    LocalScoredPose::new(*pose, evidence, model)
 }
 
 /// Returns mutual nearest neighbours by descriptor; if there are too many, the most similar ones.
-fn match_features([source, target]: &[Arc<Surface>; 2], length: f64) -> Result<Correspondences> {
+pub(super) fn match_features(
+    [source, target]: &[Arc<Surface>; 2],
+    length: f64,
+) -> Result<Correspondences> {
     let connection = FullConnection::new(source.feature_view(), target.feature_view())?;
     let mut pairs = connection.mutual_nearest();
     if pairs.len() < MIN_MUTUAL {

@@ -1,9 +1,10 @@
 //! The verdict on a pose from any source, compared with all poses of a search.
 
+use super::alternatives::DISTINCT_ALTERNATIVE;
 use super::trial::LocalScoredPose;
 use super::{
-    COARSE_REFINEMENT, Consensus, ConsensusSearch, DISTINCT_POSE, DUPLICATE_POSE, FINE_REFINEMENT,
-    MAX_REFINE_SHIFT, mean_displacement, probe_points,
+    Consensus, ConsensusSearch, DISTINCT_POSE, DUPLICATE_POSE, FINE_REFINEMENT, MAX_REFINE_SHIFT,
+    mean_displacement, probe_points,
 };
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -13,7 +14,7 @@ use crate::par;
 use crate::surface::{
     INLIER_DISTANCE, SurfacePair, refine, surface_pairs, to_cloud_frames, to_local_frames,
 };
-use crate::verify::{Confidence, Decision, PoseCovariance, PoseEvidence, RunnerUp, Verdict};
+use crate::verify::{Confidence, Decision, Evidence, PoseCovariance, RunnerUp, Verdict};
 
 impl Consensus {
     /// Verifies a `pose` from another method or program: runs a search of this method, evaluates
@@ -88,8 +89,11 @@ impl ConsensusSearch<'_> {
         let shift = mean_displacement(&refined.pose, &pose, &probes);
         let is_near = shift <= MAX_REFINE_SHIFT * self.voxel_size;
         let near = if is_near { refined.pose } else { pose };
-        let evidence = best.evidence(&near, COARSE_REFINEMENT.max_points);
-        let mut verdict = self.build_verdict(&near, evidence, self.covariance(&near));
+        let scored = best.score(&near, self.config.verdict_model());
+        let mut alternatives = self.config.alternatives(best, &near, self.voxel_size);
+        alternatives.extend(&self.alternatives);
+        let covariance = self.covariance(&near);
+        let mut verdict = self.build_verdict(&scored, &alternatives, covariance);
         let degrees = refined.pose.after(&pose.inverse()).angle().to_degrees();
         verdict.reasons.push(format!(
             "refinement on the surfaces moves the pose by {degrees:.2} degrees, and its points by \
@@ -98,14 +102,14 @@ impl ConsensusSearch<'_> {
         verdict
     }
 
-    /// Returns the verdict on a pose between the local frames, with its `evidence`.
+    /// Returns the verdict on a pose between the local frames, beside poses that could rival it.
     pub(super) fn build_verdict(
         &self,
-        pose: &Transform,
-        evidence: PoseEvidence,
+        LocalScoredPose { pose, evidence, .. }: &LocalScoredPose,
+        alternatives: &[LocalScoredPose],
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let confidence = self.confidence(pose, evidence, covariance.as_ref());
+        let confidence = self.confidence(pose, *evidence, covariance.as_ref());
         let mut reasons = self.reasons(&confidence);
         let unconstrained = covariance.as_ref().map_or(0, |known| known.unobservable.len());
         if unconstrained > 0 {
@@ -115,17 +119,20 @@ impl ConsensusSearch<'_> {
             ));
         }
         reasons.extend(self.excluded_points());
-        let runner_up = self.find_runner_up(pose, &confidence);
+        let runner_up = self.find_runner_up(pose, &confidence, alternatives);
         let model = self.config.verdict_model();
         let probability = model.probability(&confidence);
-        let verdict =
-            Verdict::new(model, probability, evidence.overlap, reasons, runner_up, covariance);
-        if verdict.decision == Decision::Accept
-            && let Some(other) = self.find_scale_mismatch(pose, &evidence)
-        {
-            return verdict.with_scale_mismatch(other.scale, other.overlap);
+        let verdict = Verdict::new(model, probability, *evidence, reasons, runner_up, covariance);
+        if verdict.decision != Decision::Accept {
+            return verdict;
         }
-        verdict
+        if let Some(overlap) = self.find_mirrored(evidence) {
+            return verdict.with_mirrored(overlap);
+        }
+        match self.find_scale_mismatch(pose, evidence) {
+            Some(other) => verdict.with_scale_mismatch(other.scale, other.overlap),
+            None => verdict,
+        }
     }
 
     /// Describes the evidence in words.
@@ -150,6 +157,11 @@ impl ConsensusSearch<'_> {
                 many => format!("{many} of the hypotheses converged to this pose"),
             },
         ];
+        let percent = 100.0 * evidence.surface_conflict;
+        reasons.push(format!(
+            "{percent:.1} % of the points that face the other surface miss it (correct poses have \
+             less than 15 %)"
+        ));
         if let Some(share) = evidence.free_space_violation {
             let percent = 100.0 * share;
             reasons.push(format!(
@@ -185,7 +197,7 @@ impl ConsensusSearch<'_> {
     pub(super) fn confidence(
         &self,
         pose: &Transform,
-        evidence: PoseEvidence,
+        evidence: Evidence,
         covariance: Option<&PoseCovariance>,
     ) -> Confidence {
         let std = |known: &PoseCovariance| {
@@ -220,25 +232,31 @@ impl ConsensusSearch<'_> {
         PoseCovariance::estimate(pairs, pose, surfaces[1].origin, self.voxel_size)
     }
 
-    /// Returns the most probable pose of the search that differs from `pose`, assumed to be as well
-    /// constrained.
-    fn find_runner_up(&self, pose: &Transform, confidence: &Confidence) -> Option<RunnerUp> {
+    /// Returns the most probable of the poses of the search and the `alternatives` that differs from
+    /// `pose`, assumed to be as well constrained. Alternatives were not searched for by
+    /// correspondences: as many hypotheses are assumed to support them as the pose.
+    fn find_runner_up(
+        &self,
+        pose: &Transform,
+        confidence: &Confidence,
+        alternatives: &[LocalScoredPose],
+    ) -> Option<RunnerUp> {
         let model = self.config.verdict_model();
         let [from, onto] = &self.trials[self.best_trial].surfaces;
         let probes = probe_points(from);
-        let best = LocalScoredPose::new(self.refined.pose, self.evidence, model);
-        let all = self.trials.iter().flat_map(|trial| &trial.candidates);
-        all.chain([&best])
-            .filter(|other| {
-                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
-            })
-            .max_by(|a, b| a.log_odds.total_cmp(&b.log_odds))
-            .map(|other| {
-                let confidence = Confidence {
-                    evidence: other.evidence,
-                    supporting_hypotheses: self.count_supporting_hypotheses(&other.pose),
-                    ..*confidence
-                };
+        let found = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
+        let found = found.map(|other| (other, self.count_supporting_hypotheses(&other.pose)));
+        let proposed = alternatives.iter().map(|other| (other, confidence.supporting_hypotheses));
+        let differs = |other: &LocalScoredPose, voxels: f64| {
+            mean_displacement(&other.pose, pose, &probes) > voxels * self.voxel_size
+        };
+        found
+            .filter(|(other, _)| differs(other, DISTINCT_POSE))
+            .chain(proposed.filter(|(other, _)| differs(other, DISTINCT_ALTERNATIVE)))
+            .max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds))
+            .map(|(other, supporting_hypotheses)| {
+                let evidence = other.evidence;
+                let confidence = Confidence { evidence, supporting_hypotheses, ..*confidence };
                 RunnerUp {
                     transform: to_cloud_frames(&other.pose, from, onto),
                     probability: model.probability(&confidence),
