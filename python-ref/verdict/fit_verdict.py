@@ -41,12 +41,11 @@ EVIDENCE = {
     "descriptor_distinctiveness": +1,
     "inlier_score": +1,
     "free_space_violation": -1,
-    "estimated_free_space_violation": -1,
 }
 """Terms of the evidence, in the order of the model file, with the sign of their coefficients."""
-FOUND = {"supporting_hypotheses": +1, "translation_std": -1}
+FOUND = {"supporting_hypotheses": +1, "translation_std": -1, "margin": +1}
 """Terms of an answer beside its evidence, likewise."""
-POSE_RIDGE, ANSWER_RIDGE = 1.0, 1.0
+POSE_RIDGE, ANSWER_RIDGE = 3.0, 1.0
 """Ridge penalties of standardised coefficients, beside weights that sum to the number of pairs and of
 answers. Chosen by hand among 0.1, 1, 3: sources left out are ranked alike."""
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
@@ -67,21 +66,21 @@ def pose_terms(row):
     known = row["free_space_violation"] != "" and Path(row["source"]).parent.name not in NO_SENSOR
     return [
         np.log(number("overlap") + 0.01),
-        np.log(number("surface_conflict") + 0.01),
+        number("surface_conflict"),
         np.log(number("residual_std") + 0.05),
         np.log1p(number("surface_patches")),
         np.log(max(number("descriptor_distinctiveness") + 0.1, 0.01)),
         np.log1p(number("inlier_score")),
         np.sqrt(number("free_space_violation")) if known else 0.0,
-        np.sqrt(number("estimated_free_space_violation")),
     ]
 
 
 def answer_terms(row):
     """Values of the terms `FOUND`."""
     if row["answer"] != "true":
-        return [0.0, 0.0]
-    return [np.log1p(float(row["supporting_hypotheses"])), np.log(float(row["translation_std"]))]
+        return [0.0] * len(FOUND)
+    number = lambda name: float(row[name])
+    return [np.log1p(number("supporting_hypotheses")), np.log(number("translation_std")), number("margin")]
 
 
 @dataclass
@@ -89,9 +88,9 @@ class Poses:
     """Rows of a table, by column."""
 
     terms: np.ndarray
-    """(N, 8), those of `EVIDENCE`."""
+    """(N, 7), those of `EVIDENCE`."""
     found: np.ndarray
-    """(N, 2), those of `FOUND`; 0 for poses that are no answer."""
+    """(N, 3), those of `FOUND`; 0 for poses that are no answer."""
     right: np.ndarray
     pairs: np.ndarray
     """Number of the pair that a pose belongs to."""
@@ -103,7 +102,7 @@ class Poses:
     def from_rows(cls, rows):
         return cls(
             np.array([pose_terms(row) for row in rows]).reshape(-1, len(EVIDENCE)),
-            np.array([answer_terms(row) for row in rows]).reshape(-1, 2),
+            np.array([answer_terms(row) for row in rows]).reshape(-1, len(FOUND)),
             np.array([row["right"] == "true" for row in rows], bool),
             np.array([row["pair"] for row in rows], int),
             np.array([row["dataset"] for row in rows]),

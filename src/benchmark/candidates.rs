@@ -35,13 +35,14 @@ pub struct CandidateRow {
     pub inlier_score: f64,
     /// [`Evidence::free_space_violation`]; empty without known viewpoints.
     pub free_space_violation: Option<f64>,
-    /// [`Evidence::estimated_free_space_violation`]; empty if no viewpoint was estimated.
-    pub estimated_free_space_violation: Option<f64>,
     /// Refined hypotheses that converged to this pose; for final poses alone.
     pub supporting_hypotheses: Option<usize>,
     /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
     /// to 10; for final poses alone.
     pub translation_std: Option<f64>,
+    /// Difference of the ranking from that of the best other pose, from -2 to 8; for final poses
+    /// alone.
+    pub margin: Option<f64>,
     /// Rotation error, in degrees; empty without a true pose.
     pub rotation_error_deg: Option<f64>,
     /// Whether the pose is correct; false for unrelated clouds.
@@ -90,9 +91,9 @@ pub fn write(
                     descriptor_distinctiveness: evidence.descriptor_distinctiveness,
                     inlier_score: evidence.inlier_score,
                     free_space_violation: evidence.free_space_violation,
-                    estimated_free_space_violation: evidence.estimated_free_space_violation,
                     supporting_hypotheses: scored.supporting_hypotheses,
                     translation_std: scored.translation_std,
+                    margin: scored.margin,
                     rotation_error_deg: error.map(|(_, degrees)| degrees),
                     right: error.is_some_and(|(right, _)| right),
                     answer: scored.is_best,

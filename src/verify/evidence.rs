@@ -7,7 +7,6 @@ use super::surface_patches::SurfacePatches;
 use crate::cloud::Transform;
 use crate::math;
 use crate::surface::{INLIER_DISTANCE, Surface};
-use crate::visibility::DepthImage;
 
 /// Smallest cosine of the angle between normals of surfaces that face the same way: 45 degrees.
 /// Chosen by hand.
@@ -47,11 +46,6 @@ pub struct Evidence {
     /// Share of the points that are in space that the other sensor saw to be empty, summed over
     /// both directions, in [0, 2]; `None` if a viewpoint is unknown.
     pub free_space_violation: Option<f64>,
-    /// The same by viewpoints that were estimated from the shape of the clouds, the mean over the
-    /// clouds that have one, in [0, 1]; `None` if a viewpoint is known, or if the search ended before
-    /// viewpoints were estimated.
-    #[serde(default)]
-    pub estimated_free_space_violation: Option<f64>,
 }
 
 /// How thoroughly a pose is measured.
@@ -119,39 +113,8 @@ impl Evidence {
             descriptor_distinctiveness: distinctiveness,
             inlier_score,
             free_space_violation: is_known.then_some(violation),
-            estimated_free_space_violation: None,
         }
     }
-}
-
-/// Returns the share of points in space that the other cloud saw to be empty from its depth image,
-/// the mean over the images that there are.
-pub(crate) fn estimated_free_space_violation(
-    [source, target]: [&Surface; 2],
-    [source_image, target_image]: [Option<&DepthImage>; 2],
-    pose: &Transform,
-    voxel_size: f64,
-    max_points: usize,
-) -> Option<f64> {
-    let inverse = pose.inverse();
-    let shares: Vec<f64> = [(source, target_image, pose), (target, source_image, &inverse)]
-        .into_iter()
-        .filter_map(|(from, image, pose)| {
-            let image = image?;
-            let step = from.len().div_ceil(max_points).max(1);
-            let clearances = (0..from.len())
-                .step_by(step)
-                .filter_map(|i| image.clearance(pose.apply(from.point(i))));
-            let (mut seen, mut violating) = (0_u32, 0_u32);
-            for clearance in clearances {
-                seen += 1;
-                violating += u32::from(clearance > MIN_CLEARANCE * voxel_size);
-            }
-            Some(f64::from(violating) / f64::from(seen.max(1)))
-        })
-        .collect();
-    let count = shares.len();
-    (count > 0).then(|| shares.into_iter().sum::<f64>() / count as f64)
 }
 
 /// Scores the points of `from` under `pose` against the surface `onto`.
@@ -231,7 +194,6 @@ pub(super) mod tests {
         descriptor_distinctiveness: 0.7,
         inlier_score: 9.0,
         free_space_violation: None,
-        estimated_free_space_violation: None,
     };
     const ALL: Measurement = Measurement { max_points: usize::MAX, pose_error: 0.0 };
 

@@ -17,9 +17,7 @@ pub(crate) use evaluate::default_distance_from_resolutions;
 pub use evaluate::{DISTANCE_IN_RESOLUTIONS, Evaluation, default_distance, evaluate};
 pub use evaluation_report::{EvaluationReport, evaluate_with_truth};
 pub use evidence::Evidence;
-pub(crate) use evidence::{
-    Measurement, estimated_free_space_violation, squared_descriptor_distance,
-};
+pub(crate) use evidence::{Measurement, squared_descriptor_distance};
 pub(crate) use model::Confidence;
 pub use model::{AnswerCoefficients, EvidenceCoefficients, Thresholds, VerdictModel};
 pub use pose_error::{PoseError, pose_error};

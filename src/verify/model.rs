@@ -11,6 +11,8 @@ use crate::io::{self, truncate_message};
 
 /// Informative range of [`Confidence::translation_std`], in voxels. Chosen by hand.
 const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
+/// Informative range of [`Confidence::margin`]. Chosen by hand.
+const MARGIN_RANGE: [f64; 2] = [-2.0, 8.0];
 /// Log odds are clamped to ± this value: no probability is 0 or 1. Chosen by hand.
 const MAX_LOG_ODDS: f64 = 30.0;
 
@@ -22,15 +24,16 @@ static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
 ///
 /// Both have the terms
 ///
-/// intercept + overlap · ln(o + 0.01) + surface_conflict · ln(c + 0.01)
+/// intercept + overlap · ln(o + 0.01) + surface_conflict · c
 /// + residual_std · ln(r + 0.05) + surface_patches · ln(1 + p)
 /// + descriptor_distinctiveness · ln(max(d + 0.1, 0.01)) + inlier_score · ln(1 + i),
 ///
-/// and, where the viewpoints of both clouds are known, + sensors_known + free_space_violation · √f,
-/// where they were estimated + estimated_free_space_violation · √e.
+/// and, where the viewpoints of both clouds are known, + sensors_known + free_space_violation · √f.
 /// The first, `pose`, ranks the poses of a pair: the difference of two is the logarithm of how much
 /// more probable one is than the other. The second, `answer`, gives the log odds of the best pose,
-/// with + supporting_hypotheses · ln(1 + h) + translation_std · ln(s).
+/// with + supporting_hypotheses · ln(1 + h) + translation_std · ln(s) + margin · m: hypotheses that
+/// converged to the pose, standard deviation of its translation in voxels, and difference of its
+/// ranking from that of the best other pose of the search, from -2 to 8.
 ///
 /// The built-in model ([`VerdictModel::default`]) is the file `src/verify/model.json`, which
 /// `python-ref/verdict` writes. A file of the same form replaces it
@@ -62,7 +65,7 @@ pub struct EvidenceCoefficients {
     pub sensors_known: f64,
     /// Coefficient of ln(overlap + 0.01).
     pub overlap: f64,
-    /// Coefficient of ln(conflict + 0.01).
+    /// Coefficient of the conflict.
     pub surface_conflict: f64,
     /// Coefficient of ln(standard deviation + 0.05).
     pub residual_std: f64,
@@ -74,8 +77,6 @@ pub struct EvidenceCoefficients {
     pub inlier_score: f64,
     /// Coefficient of the square root of the violation.
     pub free_space_violation: f64,
-    /// Coefficient of the square root of the violation by estimated viewpoints.
-    pub estimated_free_space_violation: f64,
 }
 
 /// Coefficients of the probability of the best pose.
@@ -89,6 +90,8 @@ pub struct AnswerCoefficients {
     pub supporting_hypotheses: f64,
     /// Coefficient of the logarithm of the standard deviation of the translation, in voxels.
     pub translation_std: f64,
+    /// Coefficient of the margin.
+    pub margin: f64,
 }
 
 impl EvidenceCoefficients {
@@ -96,19 +99,17 @@ impl EvidenceCoefficients {
     fn log_odds(&self, evidence: &Evidence) -> f64 {
         let sum = self.intercept
             + self.overlap * (evidence.overlap + 0.01).ln()
-            + self.surface_conflict * (evidence.surface_conflict + 0.01).ln()
+            + self.surface_conflict * evidence.surface_conflict
             + self.residual_std * (evidence.residual_std + 0.05).ln()
             + self.surface_patches * evidence.surface_patches.ln_1p()
             + self.descriptor_distinctiveness
                 * (evidence.descriptor_distinctiveness + 0.1).max(0.01).ln()
             + self.inlier_score * evidence.inlier_score.ln_1p();
         let seen = |share: f64| self.sensors_known + self.free_space_violation * share.sqrt();
-        let estimated = evidence.estimated_free_space_violation.unwrap_or(0.0).sqrt();
         sum + evidence.free_space_violation.map_or(0.0, seen)
-            + self.estimated_free_space_violation * estimated
     }
 
-    fn values(&self) -> [f64; 10] {
+    fn values(&self) -> [f64; 9] {
         [
             self.intercept,
             self.sensors_known,
@@ -119,7 +120,6 @@ impl EvidenceCoefficients {
             self.descriptor_distinctiveness,
             self.inlier_score,
             self.free_space_violation,
-            self.estimated_free_space_violation,
         ]
     }
 }
@@ -152,6 +152,8 @@ pub(crate) struct Confidence {
     pub(crate) supporting_hypotheses: usize,
     /// Standard deviation of its translation, in voxels; `None` if it cannot be estimated.
     pub(crate) translation_std: Option<f64>,
+    /// Log odds of the pose minus those of the best other pose of the search; `None` without others.
+    pub(crate) margin: Option<f64>,
 }
 
 impl Confidence {
@@ -159,6 +161,12 @@ impl Confidence {
     pub(crate) fn bounded_translation_std(&self) -> f64 {
         let [min, max] = TRANSLATION_STD_RANGE;
         self.translation_std.map_or(max, |std| std.clamp(min, max))
+    }
+
+    /// Returns the margin, clamped to its informative range.
+    pub(crate) fn bounded_margin(&self) -> f64 {
+        let [min, max] = MARGIN_RANGE;
+        self.margin.map_or(max, |margin| margin.clamp(min, max))
     }
 }
 
@@ -212,7 +220,7 @@ impl VerdictModel {
             return Err(Error::config("ambiguous_odds", ambiguous_odds, "must be in [0, 1]"));
         }
         let answer = &self.answer;
-        let others = [answer.supporting_hypotheses, answer.translation_std];
+        let others = [answer.supporting_hypotheses, answer.translation_std, answer.margin];
         let all = [
             ("pose", &self.pose.values()[..]),
             ("answer", &answer.evidence.values()),
@@ -241,7 +249,8 @@ impl VerdictModel {
         let c = &self.answer;
         let log_odds = c.evidence.log_odds(&confidence.evidence)
             + c.supporting_hypotheses * hypotheses
-            + c.translation_std * translation_std;
+            + c.translation_std * translation_std
+            + c.margin * confidence.bounded_margin();
         1.0 / (1.0 + (-log_odds.clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS)).exp())
     }
 }
@@ -258,6 +267,7 @@ mod tests {
                 evidence: EVIDENCE,
                 supporting_hypotheses,
                 translation_std: Some(std),
+                margin: Some(3.0),
             };
             VerdictModel::built_in().probability(&confidence)
         };

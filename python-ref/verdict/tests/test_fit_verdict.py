@@ -28,8 +28,8 @@ from verdict.fit_verdict import (
 
 SIGNS = np.array(list(EVIDENCE.values()))
 TRUE = Model(
-    SIGNS * np.array([1.0, 2.0, 0.5, 1.5, 0.7, 0.3, 0.4, 0.6]),
-    np.r_[-1.0, SIGNS * np.array([0.5, 1.0, 0.3, 0.6, 0.2, 0.4, 0.3, 0.2]), 0.8, -0.4],
+    SIGNS * np.array([1.0, 2.0, 0.5, 1.5, 0.7, 0.3, 0.4]),
+    np.r_[-1.0, SIGNS * np.array([0.5, 1.0, 0.3, 0.6, 0.2, 0.4, 0.3]), 0.8, -0.4, 0.3],
 )
 
 
@@ -44,14 +44,14 @@ def poses(pairs, each=6, seed=1):
     numbers = np.repeat(np.arange(pairs), each)
     sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[numbers % 2]
     return Poses(
-        terms.reshape(-1, len(EVIDENCE)), np.zeros((pairs * each, 2)), right.ravel(), numbers, sources[:, 0], sources
+        terms.reshape(-1, len(EVIDENCE)), np.zeros((pairs * each, len(FOUND))), right.ravel(), numbers, sources[:, 0], sources
     )
 
 
 def answers(count, seed=2):
     """Answers that are right with the probability that `TRUE` gives."""
     rng = np.random.default_rng(seed)
-    terms, found = rng.normal(size=(count, len(EVIDENCE))), rng.normal(size=(count, 2))
+    terms, found = rng.normal(size=(count, len(EVIDENCE))), rng.normal(size=(count, len(FOUND)))
     sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
     drawn = Poses(terms, found, np.zeros(count, bool), np.arange(count), sources[:, 0], sources)
     drawn.right = rng.uniform(size=count) < TRUE.probabilities(drawn)
@@ -99,7 +99,7 @@ class Judged(unittest.TestCase):
     def test_accepted_and_refused_answers_are_counted(self):
         right = np.array([True, True, True, False, False, False])
         sets = np.array(["a"] * 4 + ["unrelated rooms"] * 2)
-        drawn = Poses(np.ones((6, 8)), np.zeros((6, 2)), right, np.arange(6), sets, np.array([["a", "a"]] * 6))
+        drawn = Poses(np.ones((6, 7)), np.zeros((6, len(FOUND))), right, np.arange(6), sets, np.array([["a", "a"]] * 6))
         found = results(np.array([0.95, 0.65, 0.1, 0.75, 0.05, 0.85]), drawn)
         counts = [cell.split(" ")[0] for cell in found[1:]]
         self.assertEqual(counts, ["1/2", "1/1", "2/3", "1/3"])

@@ -134,8 +134,8 @@ const FINE_POSES: usize = 3;
 /// Difference of the log odds from the best candidate up to which others are refined finely. Chosen
 /// by hand.
 const CLOSE_LOG_ODDS: f64 = 3.0;
-/// Log odds of a pose above which its alternatives are looked for. Chosen by hand.
-const MIN_LOG_ODDS_FOR_ALTERNATIVES: f64 = 0.0;
+/// Probability of a pose above which its alternatives are looked for. Chosen by hand.
+const MIN_PROBABILITY_FOR_ALTERNATIVES: f64 = 0.3;
 /// A verified pose is scored as its refined pose if both are nearer than this, in voxel sizes.
 /// Chosen by hand.
 const MAX_REFINE_SHIFT: f64 = 1.0;
@@ -296,7 +296,7 @@ impl Consensus {
         });
         let Some((mut refined, mut scored)) = best.take() else { return Err(Error::NO_WEIGHT) };
         let mut alternatives = Vec::new();
-        if scored.log_odds > MIN_LOG_ODDS_FOR_ALTERNATIVES {
+        if self.usual_probability(scored.evidence) > MIN_PROBABILITY_FOR_ALTERNATIVES {
             times.time("alternatives", || {
                 alternatives = self.alternatives(at, &scored.pose, length);
                 if let Some(other) = alternatives.first()

@@ -40,10 +40,6 @@ const MIN_SIDE_AGREEMENT: f64 = 0.8;
 /// Number of neighbours whose sides are compared. Chosen by hand.
 const SIDE_NEIGHBORS: usize = 6;
 
-/// Largest visibility cost of an estimated viewpoint from which free space is judged. Chosen by hand:
-/// parts that a scan hides from its own viewpoint would count as violations.
-const MAX_ESTIMATE_COST: f64 = 0.2;
-
 /// Points nearer to a sensor than this share of the median distance may be the ego-vehicle. Chosen
 /// by hand.
 const EGO_RANGE_FACTOR: f64 = 0.5;
@@ -134,33 +130,15 @@ impl<'a> Scan<'a> {
 
     /// Estimates the viewpoints by the shape alone.
     pub(super) fn estimate_viewpoints(&self) -> Result<[Option<ViewpointHypothesis>; 2]> {
-        let ViewpointEstimates { outside, inside } = self.viewpoint_estimates()?;
-        Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
-    }
-
-    fn viewpoint_estimates(&self) -> Result<ViewpointEstimates> {
         let estimates = self.downsampled.cache.get_or_compute(EstimatedViewpointsKey, || {
-            let glance = self.downsampled.viewpoint_sample()?;
+            let sample = self.downsampled.viewpoint_sample()?;
             Ok(CachedViewpoints(ViewpointEstimates::compute(
-                glance.oriented_sample(),
-                &glance.neighborhood_offsets,
+                sample.oriented_sample(),
+                &sample.neighborhood_offsets,
             )))
         })?;
-        Ok(estimates.0)
-    }
-
-    /// Returns the depth image from the estimated viewpoint; `None` if the scan hides parts of itself
-    /// from every viewpoint: it has none, or several.
-    pub(super) fn estimated_depth_image(&self) -> Result<Option<Arc<DepthImage>>> {
-        let ViewpointEstimates { outside, inside } = self.viewpoint_estimates()?;
-        let best = [outside, inside].into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1));
-        match best {
-            Some((at, cost)) if cost < MAX_ESTIMATE_COST => {
-                let at = math::add(at, self.downsampled.cloud.origin());
-                self.depth_image(ViewpointHypothesis::Known(at, OrientedBy::Guess))
-            }
-            _ => Ok(None),
-        }
+        let ViewpointEstimates { outside, inside } = estimates.0;
+        Ok([outside, inside].map(|best| best.map(|(at, _)| ViewpointHypothesis::Estimated(at))))
     }
 
     /// Returns whether the cloud has normals whose side is consistent.

@@ -22,6 +22,9 @@ pub struct ScoredPose {
     /// Standard deviation of its translation in voxel sizes, within bounds; for the best pose
     /// alone.
     pub translation_std: Option<f64>,
+    /// Difference of its ranking from that of the best other pose, within bounds; for the best pose
+    /// alone.
+    pub margin: Option<f64>,
     /// Whether it is the best pose, scored after its last refinement.
     pub is_best: bool,
 }
@@ -48,6 +51,7 @@ impl Consensus {
                     evidence: candidate.evidence,
                     supporting_hypotheses: None,
                     translation_std: None,
+                    margin: None,
                     is_best: false,
                 }));
             }
@@ -59,6 +63,7 @@ impl Consensus {
                 evidence,
                 supporting_hypotheses: Some(confidence.supporting_hypotheses),
                 translation_std: Some(confidence.bounded_translation_std()),
+                margin: Some(confidence.bounded_margin()),
                 is_best: true,
             });
             Ok(scored)

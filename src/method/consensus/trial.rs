@@ -12,11 +12,7 @@ use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
 use crate::surface::{INLIER_DISTANCE, Surface, refine};
-use crate::verify::{
-    Confidence, Evidence, Measurement, VerdictModel, estimated_free_space_violation,
-    squared_descriptor_distance,
-};
-use crate::visibility::DepthImage;
+use crate::verify::{Confidence, Evidence, Measurement, VerdictModel, squared_descriptor_distance};
 
 /// Mutual matches below which every point of the source is matched with its most alike.
 const MIN_MUTUAL: usize = 16;
@@ -35,6 +31,8 @@ const EARLY_EXIT_PROBABILITY: f64 = 0.98;
 const USUAL_HYPOTHESES: usize = 5;
 /// Standard deviation of the translation of most correct answers of the same pairs, in voxels.
 const USUAL_TRANSLATION_STD: f64 = 0.1;
+/// Margin of most correct answers of the same pairs.
+const USUAL_MARGIN: f64 = 4.0;
 
 /// A pose in local frames, with its evidence.
 #[derive(Clone, Copy)]
@@ -57,8 +55,6 @@ pub(super) struct ViewpointTrial {
     pub(super) correspondences: Correspondences,
     /// Most probable first; may be empty.
     pub(super) candidates: Vec<LocalScoredPose>,
-    /// Depth images from estimated viewpoints, if there are such.
-    pub(super) estimated_images: [Option<Arc<DepthImage>>; 2],
 }
 
 impl ViewpointTrial {
@@ -69,27 +65,21 @@ impl ViewpointTrial {
     /// Scores a refined `pose`.
     pub(super) fn score(&self, pose: &Transform, model: &VerdictModel) -> LocalScoredPose {
         let surfaces = self.surface_refs();
-        let mut scored = score_pose(surfaces, &self.correspondences, pose, REFINED, model);
-        if scored.evidence.free_space_violation.is_none() {
-            let images = self.estimated_images.each_ref().map(Option::as_deref);
-            let (voxel_size, points) = (self.correspondences.voxel_size, REFINED.max_points);
-            scored.evidence.estimated_free_space_violation =
-                estimated_free_space_violation(surfaces, images, pose, voxel_size, points);
-        }
-        LocalScoredPose::new(*pose, scored.evidence, model)
+        score_pose(surfaces, &self.correspondences, pose, REFINED, model)
     }
 }
 
 impl Consensus {
-    /// Returns whether a pose with this evidence is probable enough to end the search; how well it is
-    /// constrained, and how many hypotheses support it, is assumed to be as usual.
-    fn is_certain(&self, evidence: Evidence) -> bool {
+    /// Returns the probability of a pose with this evidence, if it is as well constrained as usual, as
+    /// many hypotheses support it, and it ranks as far before others.
+    pub(super) fn usual_probability(&self, evidence: Evidence) -> f64 {
         let confidence = Confidence {
             evidence,
             supporting_hypotheses: USUAL_HYPOTHESES,
             translation_std: Some(USUAL_TRANSLATION_STD),
+            margin: Some(USUAL_MARGIN),
         };
-        self.verdict_model().probability(&confidence) >= EARLY_EXIT_PROBABILITY
+        self.verdict_model().probability(&confidence)
     }
 
     /// Tries the viewpoint hypotheses in turn, until a pose is certain enough.
@@ -106,7 +96,7 @@ impl Consensus {
             let found = self.run_trial(scans, views, given, length, times)?;
             let best = found.candidates.first().map(|best| best.evidence);
             attempts.push(found);
-            Ok(best.is_some_and(|evidence| self.is_certain(evidence)))
+            Ok(best.is_some_and(|best| self.usual_probability(best) >= EARLY_EXIT_PROBABILITY))
         };
         if let [Some(source), Some(target)] = sensors
             && attempt([source, target], times)?
@@ -142,17 +132,6 @@ impl Consensus {
                 break;
             }
         }
-        let images = times.time("viewpoints", || {
-            par::join_pair(scans.each_ref(), |scan| scan.estimated_depth_image())
-        })?;
-        for trial in &mut attempts {
-            trial.estimated_images = images.clone();
-            let (poses, model) = (&trial.candidates, self.verdict_model());
-            let mut rescored =
-                par::map(poses.len(), || (), |_, k| trial.score(&poses[k].pose, model));
-            sort_by_odds(&mut rescored);
-            trial.candidates = rescored;
-        }
         Ok(attempts)
     }
 
@@ -184,12 +163,7 @@ impl Consensus {
         let ends = surfaces.each_ref().map(|surface| &**surface);
         let candidates = times
             .time("verify", || self.score_hypotheses(ends, &matches, found, REFINED_HYPOTHESES));
-        Ok(ViewpointTrial {
-            surfaces,
-            correspondences: matches,
-            candidates,
-            estimated_images: [None, None],
-        })
+        Ok(ViewpointTrial { surfaces, correspondences: matches, candidates })
     }
 
     /// Scores distinct hypotheses, refines the best `most` of them, and scores them again: most

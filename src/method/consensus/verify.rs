@@ -208,7 +208,21 @@ impl ConsensusSearch<'_> {
             evidence,
             supporting_hypotheses: self.count_supporting_hypotheses(pose),
             translation_std: covariance.map(std),
+            margin: self.margin(pose, &evidence),
         }
+    }
+
+    /// Returns the log odds of `pose` minus those of the best pose of the search that differs.
+    fn margin(&self, pose: &Transform, evidence: &Evidence) -> Option<f64> {
+        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
+        let others = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
+        let best = others
+            .filter(|other| {
+                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
+            })
+            .map(|other| other.log_odds)
+            .max_by(f64::total_cmp);
+        best.map(|best| self.config.verdict_model().pose_log_odds(evidence) - best)
     }
 
     /// Counts the refined hypotheses that converged to `pose`.
