@@ -101,6 +101,7 @@ impl Method {
             }
             Method::Consensus(consensus) => consensus.weight_graph(source, target, pose).map(Some),
             Method::Teaser(teaser) => teaser.weight_graph(source, target, pose).map(Some),
+            Method::CfSpectral(_) => Ok(None),
             Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => Ok(None),
         }
     }
