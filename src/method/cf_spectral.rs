@@ -294,9 +294,10 @@ impl CfSpectral {
             warnings: Vec::new(),
             fitness: FitnessRule::GLOBAL,
         };
-        let beta = Some(connected.beta);
+        let [first, second] = connected.second.eigenvalues;
         let found = solved.finish_cached(ends[0], ends[1])?;
-        Ok(Registration { beta, ..found })
+        let (beta, eigenvalue_ratio) = (Some(connected.beta), Some(second / first));
+        Ok(Registration { beta, eigenvalue_ratio, ..found })
     }
 }
 
