@@ -14,14 +14,15 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 pub use interval::clopper_pearson;
 pub use table::markdown;
 
-use super::csv_cache;
+use super::{csv_cache, files};
 use cfreg::benchmark::{Pair, SuccessCriterion, list, random_pose};
 use cfreg::cloud::{PointCloud, Transform, ViewpointSource};
-use cfreg::error::Result;
+use cfreg::error::{Error, Result};
 use cfreg::method::{Cf, CfSpectral, Method, Register, Registration};
 use cfreg::verify::pose_error;
 use cfreg::weight::Normalization;
@@ -37,7 +38,7 @@ pub struct OverlapOptions {
     pub output: PathBuf,
     /// Only every N-th pair, at least 1.
     pub every: usize,
-    /// Names of the methods, of [`CONTENDERS`].
+    /// Names of the methods ([`contender`]).
     pub methods: Vec<String>,
 }
 
@@ -97,14 +98,30 @@ struct OverlapSettings<'a> {
     version: &'static str,
 }
 
-/// Returns the method of that name.
+/// Returns the method of that name: one of [`CONTENDERS`], or `cf-spectral:NAME=VALUE`, with one of
+/// its numbers, or of its compatibility's, other than the default.
 ///
 /// # Errors
-/// Those of [`Method`]'s parser.
+/// [`Error::Config`] for another name, and for a variation that is not such a number; those of
+/// [`Method::with`].
 pub fn contender(name: &str) -> Result<Method> {
+    let rule = || format!("must be of {}, or cf-spectral:NAME=VALUE", CONTENDERS.join(", "));
+    let unknown = || Error::config("methods", name, rule());
+    if let Some(variation) = name.strip_prefix("cf-spectral:") {
+        let (setting, value) = variation.split_once('=').ok_or_else(unknown)?;
+        let number: serde_json::Number = value.parse().map_err(|_| unknown())?;
+        let method = Method::CfSpectral(CfSpectral::default());
+        return match setting {
+            "length_tolerance" | "min_length" | "normal_tolerance" => {
+                method.with([("compatibility", json!({ setting: number }))])
+            }
+            _ => method.with([(setting, number.into())]),
+        };
+    }
     match name {
         "cf-both" => Ok(Method::Cf(Cf { normalization: Normalization::Both, ..Cf::default() })),
-        _ => name.parse(),
+        _ if CONTENDERS.contains(&name) => name.parse(),
+        _ => Err(unknown()),
     }
 }
 
@@ -136,7 +153,7 @@ pub fn run(
             points: POINTS,
             version: env!("CARGO_PKG_VERSION"),
         };
-        let path = options.output.join(format!("overlap_{name}.csv"));
+        let path = options.output.join(format!("overlap_{}.csv", name.replace([':', '='], "_")));
         let own = match csv_cache::read(&path, &settings) {
             Some(own) => own,
             None => {
@@ -153,6 +170,8 @@ pub fn run(
         runs.extend(own);
         progress(runs.len(), all);
     }
+    let text = markdown(&runs, &options.methods);
+    files::write_bytes(&options.output.join("overlap.md"), text.as_bytes())?;
     picture::figure(&runs, &options.methods)
         .save(&options.output.join("one-step-against-overlap"))?;
     Ok(runs)

@@ -21,20 +21,19 @@ const GROUPS: [Group; 6] = [
     ("terrestrial scans", |run| run.dataset.starts_with("tls")),
 ];
 
-/// Formats the shares of right poses in Markdown: by overlap, then by set of pairs above one half.
+/// Formats the shares of right poses in Markdown, by overlap and by set of pairs, and the seconds.
 pub fn markdown(runs: &[OverlapRun], methods: &[String]) -> String {
-    let mut text = format!("| right within 10 degrees | {} |\n", methods.join(" | "));
-    text += &format!("|---|{}\n", "---|".repeat(methods.len()));
-    for (name, is_in) in GROUPS {
-        row(&mut text, name, methods, runs, is_in, OverlapRun::is_right);
-    }
-    let _ = write!(text, "\n| right by the criterion of its size | {} |\n", methods.join(" | "));
-    text += &format!("|---|{}\n", "---|".repeat(methods.len()));
-    for (name, is_in) in GROUPS {
-        row(&mut text, name, methods, runs, is_in, |run| run.meets_criterion);
-    }
-    let _ = write!(text, "\n| overlap above one half | {} |\n", methods.join(" | "));
-    text += &format!("|---|{}\n", "---|".repeat(methods.len()));
+    let by_overlap = |text: &mut String, is_right: fn(&OverlapRun) -> bool| {
+        for (name, is_in) in GROUPS {
+            row(text, name, methods, runs, is_in, is_right);
+        }
+    };
+    let mut text = String::new();
+    head(&mut text, "Right within 10 degrees, by overlap (95 % intervals)", methods);
+    by_overlap(&mut text, OverlapRun::is_right);
+    head(&mut text, "Right by the criterion of its size, by overlap", methods);
+    by_overlap(&mut text, |run| run.meets_criterion);
+    head(&mut text, "Right within 10 degrees, overlap above one half, by set", methods);
     let mut sets: Vec<&str> = runs.iter().map(|run| run.dataset.as_str()).collect();
     sets.sort_unstable();
     sets.dedup();
@@ -42,8 +41,8 @@ pub fn markdown(runs: &[OverlapRun], methods: &[String]) -> String {
         let is_in = |run: &OverlapRun| run.dataset == set && run.overlap >= 0.5;
         row(&mut text, set, methods, runs, is_in, OverlapRun::is_right);
     }
-    let _ = write!(text, "\n| seconds (median) | {} |\n", methods.join(" | "));
-    text += &format!("|---|{}\n|", "---|".repeat(methods.len()));
+    head(&mut text, "Seconds (median)", methods);
+    text += "| registration";
     for name in methods {
         let mut seconds: Vec<f64> =
             runs.iter().filter(|run| run.method == *name).map(|run| run.seconds).collect();
@@ -53,7 +52,45 @@ pub fn markdown(runs: &[OverlapRun], methods: &[String]) -> String {
             None => text += " | -",
         }
     }
-    text + " |\n"
+    text += " |\n";
+    trust(&mut text, runs);
+    text
+}
+
+/// Begins a table with a heading.
+fn head(text: &mut String, title: &str, methods: &[String]) {
+    let lead = if text.is_empty() { "" } else { "\n" };
+    let _ = write!(text, "{lead}## {title}\n\n| | {} |\n", methods.join(" | "));
+    *text += &format!("|---|{}\n", "---|".repeat(methods.len()));
+}
+
+/// Bounds of the ratio of eigenvalues between which poses are counted together.
+const RATIOS: [f64; 6] = [0.0, 0.1, 0.2, 0.4, 0.7, 1.001];
+
+/// Appends the share of right poses by the ratio of the two largest eigenvalues, if there is one.
+fn trust(text: &mut String, runs: &[OverlapRun]) {
+    if runs.iter().all(|run| run.eigenvalue_ratio.is_none()) {
+        return;
+    }
+    *text += "\n## Right within 10 degrees, by the ratio of eigenvalues\n\n\
+              | second over first eigenvalue | poses | right |\n|---|---|---|\n";
+    for bounds in RATIOS.windows(2) {
+        let is_in = |run: &&OverlapRun| {
+            run.eigenvalue_ratio.is_some_and(|ratio| (bounds[0]..bounds[1]).contains(&ratio))
+        };
+        let all = runs.iter().filter(is_in).count();
+        let right = runs.iter().filter(is_in).filter(|run| run.is_right()).count();
+        let (low, high) = clopper_pearson(right, all);
+        let _ = writeln!(
+            text,
+            "| {:.1}-{:.1} | {all} | {:.0} % ({:.0}-{:.0}) |",
+            bounds[0],
+            bounds[1].min(1.0),
+            100.0 * right as f64 / all.max(1) as f64,
+            100.0 * low,
+            100.0 * high,
+        );
+    }
 }
 
 /// Appends a row, unless no pair is in the group.
@@ -125,6 +162,9 @@ mod tests {
         ] {
             assert!(text.contains(line), "{line}\n{text}");
         }
-        assert!(!text.contains("30-50 %") && text.ends_with(" | 0.500 |\n"), "{text}");
+        assert!(
+            !text.contains("30-50 %") && text.ends_with("| registration | 0.500 |\n"),
+            "{text}"
+        );
     }
 }
