@@ -14,7 +14,7 @@ use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
 use crate::moments::{FeatureView, FullConnection};
-use crate::normals::{self, Normals, Orientation};
+use crate::normals::{self, Normals, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors};
 
 /// Settings of the descriptors of a cloud: normals, then FPFH.
@@ -291,8 +291,13 @@ impl FeatureCloud {
     }
 
     /// Replaces the counts up to the points that were used by those of `whole`, of which this is
-    /// the downsampled cloud.
-    pub(super) fn with_used_points(mut self, whole: &PointCloud) -> Self {
+    /// the downsampled cloud, and the source of the orientation, if given.
+    pub(super) fn with_used_points(
+        mut self,
+        whole: &PointCloud,
+        oriented_by: Option<OrientedBy>,
+    ) -> Self {
+        self.counts.oriented_by = oriented_by.or(self.counts.oriented_by);
         self.counts.used = whole.len();
         self.counts.dropped = whole.dropped();
         self.counts.no_returns = whole.no_returns();

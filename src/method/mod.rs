@@ -28,6 +28,7 @@ mod settings;
 mod solved_pose;
 mod teaser;
 mod termination;
+mod viewpoint_choice;
 mod weight_graph;
 
 pub use cache::{Cache, Cached};
