@@ -15,6 +15,7 @@ mod files;
 mod mean_std;
 mod model;
 mod motion;
+pub mod overlap;
 pub mod protocol;
 pub mod scaling;
 pub mod study;

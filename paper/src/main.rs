@@ -2,6 +2,7 @@
 //! II on any cloud.
 
 mod accuracy_command;
+mod overlap_command;
 mod reproduce;
 
 use std::io::{self, IsTerminal, Write};
@@ -32,6 +33,8 @@ enum Command {
     Reproduce(reproduce::ReproduceCommand),
     /// The accuracy test of the paper on a cloud of your own (Table II)
     Accuracy(accuracy_command::AccuracyCommand),
+    /// One step against overlap: pairs of real scans, moved at random, by methods that solve once
+    Overlap(overlap_command::OverlapCommand),
 }
 
 fn main() -> ExitCode {
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Reproduce(command) => command.run(meter).map(|()| true),
         Command::Accuracy(command) => command.run(),
+        Command::Overlap(command) => command.run().map(|()| true),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,

@@ -8,7 +8,7 @@
 >>> found.trusted, round(found.angle_deg), found.transform.shape
 (True, 90, (4, 4))
 
-`register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFK`, `TEASER`,
+`register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFSpectral`, `CFK`, `TEASER`,
 `ICP`, `KC`, `CPD` and `DARE` are its methods as objects. `read`, `write` and `PointCloud` hold
 clouds; `evaluate` measures a pose, `verify` tells whether it is right.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
@@ -63,6 +63,7 @@ from .methods import (
     KC,
     METHODS,
     TEASER,
+    CFSpectral,
     Consensus,
     Method,
     method,
@@ -87,6 +88,7 @@ __all__ = [
     "BatchSummary",
     "CF",
     "CFK",
+    "CFSpectral",
     "CPD",
     "Consensus",
     "DARE",

@@ -233,6 +233,7 @@ class Registration:
     weighted_rms : root mean square of the weighted connections, in the target's unit; of the
         size of the cloud on a full connection, whatever the pose
     beta : squared bandwidth in force, for methods that weigh by descriptors
+    eigenvalue_ratio : of "cf-spectral": near 1, another pose has about as much support
     connections, effective_connections : pairs that were weighed, and (sum w)^2 / sum w^2
     singular_values : three, of the weighted cross-covariance, relative to the clouds' spread
     iterations, stop : how often weights were made and solved, and what ended it
@@ -256,6 +257,7 @@ class Registration:
     evaluation: Evaluation
     weighted_rms: float
     beta: float | None
+    eigenvalue_ratio: float | None
     connections: int
     effective_connections: float
     singular_values: tuple[float, float, float]
@@ -301,6 +303,7 @@ class Registration:
             verdict=Verdict._of(facts["verdict"]) if facts.get("verdict") else None,
             evaluation=Evaluation._of(facts["evaluation"]),
             beta=facts.get("beta"),
+            eigenvalue_ratio=facts.get("eigenvalue_ratio"),
             singular_values=tuple(facts["singular_values"]),
             seconds=facts["time_s"],
             trace=facts.get("trace", []),

@@ -78,7 +78,9 @@ impl PriorOptions {
 pub(super) struct MethodOptions {
     /// Registration method: consensus (for scans that overlap in part), cf (the paper's full
     /// connection), cf-multiscale (at three scales, with a bandwidth from the descriptors and
-    /// dual softmax: other defaults below), cfk (of keypoints), teaser;
+    /// dual softmax: other defaults below), cf-spectral (its strongest connections, weighted by those
+    /// that are compatible with them: one step for scans that overlap in part), cfk (of keypoints),
+    /// teaser;
     /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
     /// kc, cpd, dare
     #[arg(long, default_value = "consensus")]
@@ -88,7 +90,7 @@ pub(super) struct MethodOptions {
     #[arg(long, value_name = "METHOD,..", value_delimiter = ',')]
     refine: Vec<String>,
     /// Nearest points that describe a point, itself included; clouds with fewer use all
-    /// [default: 150]
+    /// [default: 150; cf-spectral: 100]
     #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
     neighbors: Option<usize>,
     /// Describe by all points within this radius instead, in the unit of the coordinates
@@ -240,7 +242,8 @@ impl MethodOptions {
     /// come too early.
     pub(super) fn with_voxel(&self, thinning: &Downsampling) -> Result<(Pipeline, Downsampling)> {
         let method: Method = self.method.parse()?;
-        let Some(voxel) = thinning.voxel.filter(|_| matches!(method, Method::Consensus(_))) else {
+        let own = matches!(method, Method::Consensus(_) | Method::CfSpectral(_));
+        let Some(voxel) = thinning.voxel.filter(|_| own) else {
             return Ok((self.chain()?, *thinning));
         };
         let mut options = self.clone();

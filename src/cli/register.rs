@@ -163,6 +163,9 @@ fn advice(registration: &Registration) -> &'static str {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
         }
         Some(Method::Cf(_)) => "--refine gicp, another --voxel, or --orientation",
+        Some(Method::CfSpectral(_)) => {
+            "--refine gicp, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
+        }
         Some(Method::Cfk(_)) => {
             "--normalize both, --refine gicp, another --voxel, or --orientation"
         }

@@ -131,6 +131,12 @@ impl HeapSize for f64 {
     }
 }
 
+impl HeapSize for PointCloud {
+    fn bytes(&self) -> usize {
+        PointCloud::bytes(self)
+    }
+}
+
 impl<'a> Cached<'a> {
     /// Replaces the cloud by `counting`, its points that count; the cache is kept only if these are
     /// all points.

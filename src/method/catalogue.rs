@@ -5,8 +5,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Cached, Cf, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine, Register,
-    Registration, Teaser,
+    Cached, Cf, CfSpectral, Cfk, Consensus, Cpd, Dare, Icp, KernelCorrelation, Metric, Refine,
+    Register, Registration, Teaser,
 };
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
@@ -23,6 +23,8 @@ pub enum Method {
     Consensus(Consensus),
     /// The paper's full connection: [`Cf`].
     Cf(Cf),
+    /// The strongest connections with second-order weights: [`CfSpectral`].
+    CfSpectral(CfSpectral),
     /// The full connection of keypoints: [`Cfk`].
     Cfk(Cfk),
     /// Iterative closest point: [`Icp`].
@@ -39,10 +41,11 @@ pub enum Method {
 
 impl Method {
     /// The names that `--method` accepts.
-    pub const NAMES: [&'static str; 12] = [
+    pub const NAMES: [&'static str; 13] = [
         "consensus",
         "cf",
         "cf-multiscale",
+        "cf-spectral",
         "cfk",
         "icp",
         "icp-paper",
@@ -59,6 +62,7 @@ impl Method {
         match self {
             Method::Consensus(_) => "consensus",
             Method::Cf(_) => "cf",
+            Method::CfSpectral(_) => "cf-spectral",
             Method::Cfk(_) => "cfk",
             Method::Icp(icp) => icp.name(),
             Method::Kc(_) => "kc",
@@ -75,7 +79,11 @@ impl Method {
             Method::Kc(kc) => Some(kc),
             Method::Cpd(cpd) => Some(cpd),
             Method::Dare(dare) => Some(dare),
-            Method::Consensus(_) | Method::Cf(_) | Method::Cfk(_) | Method::Teaser(_) => None,
+            Method::Consensus(_)
+            | Method::Cf(_)
+            | Method::CfSpectral(_)
+            | Method::Cfk(_)
+            | Method::Teaser(_) => None,
         }
     }
 
@@ -84,6 +92,7 @@ impl Method {
         let (prior, channels) = match self {
             Method::Consensus(method) => return method.clone(),
             Method::Cf(method) => (method.prior, &method.features.channels[..]),
+            Method::CfSpectral(method) => (method.prior, &method.features.channels[..]),
             Method::Cfk(method) => (method.cf.prior, &method.cf.features.channels[..]),
             Method::Teaser(method) => (method.prior, &method.features.channels[..]),
             Method::Icp(method) => (method.prior, &[][..]),
@@ -118,6 +127,7 @@ impl Method {
         let (checked, threads) = match self {
             Method::Consensus(method) => (method.validate(), method.threads),
             Method::Cf(method) => (method.validate(), method.threads),
+            Method::CfSpectral(method) => (method.validate(), method.threads),
             Method::Cfk(method) => (method.validate(), method.cf.threads),
             Method::Icp(method) => (method.validate(), method.threads),
             Method::Kc(method) => (method.validate(), method.threads),
@@ -142,6 +152,7 @@ impl Method {
         match self {
             Method::Consensus(_) => "try another voxel, channels, or a prior that allows more",
             Method::Cf(_) | Method::Cfk(_) => "raise beta, or set it to auto",
+            Method::CfSpectral(_) => "raise beta, or try another voxel",
             Method::Teaser(_) => "raise noise_bound",
             Method::Icp(_) => "raise max_distance, or start nearer",
             Method::Kc(_) | Method::Cpd(_) => "raise sigma, or start nearer",
@@ -153,6 +164,7 @@ impl Method {
         match self {
             Method::Consensus(method) => method,
             Method::Cf(method) => method,
+            Method::CfSpectral(method) => method,
             Method::Cfk(method) => method,
             Method::Icp(method) => method,
             Method::Kc(method) => method,
@@ -172,6 +184,7 @@ impl FromStr for Method {
             "consensus" => Method::Consensus(Consensus::default()),
             "cf" => Method::Cf(Cf::default()),
             "cf-multiscale" => Method::Cf(Cf::multiscale()),
+            "cf-spectral" => Method::CfSpectral(CfSpectral::default()),
             "cfk" => Method::Cfk(Cfk::default()),
             "icp" => Method::Icp(Icp::default()),
             "icp-paper" => Method::Icp(Icp::paper()),

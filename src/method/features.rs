@@ -14,7 +14,7 @@ use crate::descriptor::{HistogramScale, fpfh_at};
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
 use crate::moments::{FeatureView, FullConnection};
-use crate::normals::{self, Normals, Orientation};
+use crate::normals::{self, Normals, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors};
 
 /// Settings of the descriptors of a cloud: normals, then FPFH.
@@ -69,6 +69,8 @@ impl Default for FeatureConfig {
 pub struct FeatureCloud {
     points: Vec<[f32; 3]>,
     origin: [f64; 3],
+    /// Unit normals of the points, those of the first scale.
+    normals: Vec<[f32; 3]>,
     pub(super) descriptors: Descriptors,
     /// Weights of the points relative to the mean over the cloud; `None` if the cloud has no
     /// weights.
@@ -209,6 +211,7 @@ impl FeatureConfig {
             weights: cloud.relative_weights().map(|weights| at_points(&weights)),
             channels: channels.into_iter().map(at_points).collect(),
             points: described.iter().map(|&at| points[rows[at]]).collect(),
+            normals: described.iter().map(|&at| normals.vectors[rows[at]]).collect(),
             origin: cloud.origin(),
             descriptors: Descriptors::concatenate(&tables)?.select(&described),
             counts: CloudCounts {
@@ -231,7 +234,7 @@ struct FeatureKey(FeatureConfig, Option<Keypoints>);
 impl HeapSize for FeatureCloud {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
-        self.points.len() * 4 * (3 + self.descriptors.dim() + single)
+        self.points.len() * 4 * (6 + self.descriptors.dim() + single)
     }
 }
 
@@ -280,6 +283,25 @@ impl FeatureCloud {
     pub fn connection(&self, target: &FeatureCloud) -> Result<FullConnection> {
         FullConnection::new(self.view(), target.view())?
             .with_point_weights(self.weights(), target.weights())
+    }
+
+    /// Returns the unit normals of the points, those of the first scale.
+    pub fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
+    }
+
+    /// Replaces the counts up to the points that were used by those of `whole`, of which this is
+    /// the downsampled cloud, and the source of the orientation, if given.
+    pub(super) fn with_used_points(
+        mut self,
+        whole: &PointCloud,
+        oriented_by: Option<OrientedBy>,
+    ) -> Self {
+        self.counts.oriented_by = oriented_by.or(self.counts.oriented_by);
+        self.counts.used = whole.len();
+        self.counts.dropped = whole.dropped();
+        self.counts.no_returns = whole.no_returns();
+        self
     }
 
     /// Returns how many of the cloud's points each stage kept.

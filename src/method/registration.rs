@@ -47,6 +47,11 @@ pub struct Registration {
     /// `auto` came to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
+    /// Second over first eigenvalue of the compatibility of the connections, 0 to 1, for methods with
+    /// second-order weights ([`CfSpectral`](super::CfSpectral)): near 1, another pose has about as
+    /// much support.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eigenvalue_ratio: Option<f64>,
     /// Number of weighted connections.
     pub connections: u64,
     /// Effective number of connections (Σw)²/Σw², from 1 to `connections`.

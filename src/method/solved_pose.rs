@@ -139,6 +139,7 @@ impl SolvedPose {
             evaluation,
             weighted_rms: (moments.residual(&transform) / moments.weight).max(0.0).sqrt(),
             beta: None,
+            eigenvalue_ratio: None,
             connections: self.connections,
             effective_connections: moments.effective_connections(),
             singular_values,

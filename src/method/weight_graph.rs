@@ -2,9 +2,10 @@
 
 use faer::Mat;
 
+use super::cf_spectral::SpectralConnections;
 use super::registration::Timings;
 use super::teaser::correspondences::match_features;
-use super::{Cf, Cfk, Method, Teaser};
+use super::{Cf, CfSpectral, Cfk, Method, Teaser};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::Result;
 use crate::keypoint::Keypoints;
@@ -27,7 +28,8 @@ pub struct WeightGraph {
     /// Sum of the weights of each point, 0 or more.
     pub weight_sums: [Vec<f64>; 2],
     /// For a full connection the heaviest link of every source point; for correspondences all of
-    /// them, with their inlier weight under the pose, from 0 to 1. Heaviest first.
+    /// them, with their inlier weight under the pose, from 0 to 1, or with their weight in the solve
+    /// ([`CfSpectral`]). Heaviest first.
     pub links: Vec<WeightedLink>,
     /// Part of W; for correspondences, similarities of the descriptors from which they were found.
     pub block: WeightBlock,
@@ -57,8 +59,11 @@ pub struct WeightBlock {
     /// The descriptor of each row projected on the principal axis of the descriptors: similar
     /// points have similar values.
     pub principal_feature: Vec<f64>,
-    /// Weights, row by row.
+    /// Weights, row by row. For second-order weights ([`CfSpectral`]) those of the connections whose
+    /// ends are nearest to the point of the row and to that of the column, added.
     pub weights: Vec<f32>,
+    /// For second-order weights those of the first order, of the same connections; else empty.
+    pub first_order: Vec<f32>,
 }
 
 /// Most rows of a block. Chosen by hand.
@@ -101,6 +106,7 @@ impl Method {
             }
             Method::Consensus(consensus) => consensus.weight_graph(source, target, pose).map(Some),
             Method::Teaser(teaser) => teaser.weight_graph(source, target, pose).map(Some),
+            Method::CfSpectral(method) => method.weight_graph(source, target, pose).map(Some),
             Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => Ok(None),
         }
     }
@@ -173,6 +179,40 @@ impl Teaser {
     }
 }
 
+impl CfSpectral {
+    fn weight_graph(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pose: &Transform,
+    ) -> Result<WeightGraph> {
+        par::with_threads(self.threads, || {
+            let connected =
+                self.connect([source.into(), target.into()], &mut Timings::default())?;
+            let ends = connected.sides.each_ref().map(|side| side.view());
+            let mut block = WeightBlock::from_nearest_points(ends, pose)?;
+            block.add_connections(ends, &connected)?;
+            let points = ends.map(global_positions);
+            let mut sums = points.each_ref().map(|points| vec![0.0; points.len()]);
+            let mut links = Vec::new();
+            for (pair, weight) in connected.first.iter().zip(connected.weights()) {
+                let (source, target) = (pair.source, pair.target);
+                sums[0][source as usize] += weight;
+                sums[1][target as usize] += weight;
+                links.push(WeightedLink { source, target, weight });
+            }
+            Ok(WeightGraph {
+                full: false,
+                inlier_distance: Some(self.compatibility.length_tolerance * connected.unit),
+                points,
+                weight_sums: sums,
+                links: sort_by_weight(links),
+                block,
+            })
+        })?
+    }
+}
+
 impl WeightGraph {
     /// Builds the graph of correspondences with their inlier weights under the pose, where ends
     /// nearer than `reach` are inliers.
@@ -233,7 +273,36 @@ impl WeightBlock {
             distances: apart,
             principal_feature: looks,
             weights: Vec::new(),
+            first_order: Vec::new(),
         })
+    }
+}
+
+impl WeightBlock {
+    /// Adds the weights of both orders of each connection to the entry whose row and column are
+    /// nearest to its ends.
+    fn add_connections(
+        &mut self,
+        [source, target]: [FeatureView<'_>; 2],
+        connected: &SpectralConnections,
+    ) -> Result<()> {
+        let at = |view: FeatureView<'_>, indices: &[u32]| -> Vec<[f32; 3]> {
+            indices.iter().map(|&i| view.points[i as usize]).collect()
+        };
+        let columns = at(target, &self.columns);
+        let trees = [SearchTree::new(&at(source, &self.rows))?, SearchTree::new(&columns)?];
+        let n = self.rows.len();
+        self.weights = vec![0.0; n * n];
+        self.first_order = vec![0.0; n * n];
+        for (pair, second) in connected.first.iter().zip(connected.weights()) {
+            let row = trees[0].nearest(&source.points[pair.source as usize]).index as usize;
+            let nearest = trees[1].nearest(&target.points[pair.target as usize]).index as usize;
+            // Rows on the same target point have equal columns: prefer the diagonal.
+            let column = if columns[row] == columns[nearest] { row } else { nearest };
+            self.weights[row * n + column] += second as f32;
+            self.first_order[row * n + column] += pair.weight as f32;
+        }
+        Ok(())
     }
 }
 

@@ -25,7 +25,7 @@ pub struct Entries {
 }
 
 /// Factors of the weights, by source point and by target point.
-struct Factors {
+pub(super) struct Factors {
     source: Vec<f32>,
     target: Vec<f32>,
     /// Whether the weight enters squared.
@@ -33,7 +33,7 @@ struct Factors {
 }
 
 impl Factors {
-    fn scaling(&self) -> Scaling<'_> {
+    pub(super) fn scaling(&self) -> Scaling<'_> {
         match self.squares_weight {
             true => Scaling::Dual(&self.source, &self.target),
             false => Scaling::Product(&self.source, &self.target),
@@ -103,7 +103,11 @@ impl FullConnection {
         }
     }
 
-    fn factors<K: WeightKernel>(&self, kernel: &K, normalization: Normalization) -> Factors {
+    pub(super) fn factors<K: WeightKernel>(
+        &self,
+        kernel: &K,
+        normalization: Normalization,
+    ) -> Factors {
         let ones = |side: &ConnectionSide| vec![1.0; side.rows.len()];
         let by_source = || inverse_factors(&self.source_sums(kernel), 1.0);
         let by_target = || inverse_factors(&self.target_sums(kernel), 1.0);

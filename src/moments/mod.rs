@@ -18,6 +18,7 @@ mod pairs;
 mod pruned;
 mod reduce;
 mod side;
+mod strongest;
 mod sums;
 mod tile;
 

@@ -36,6 +36,8 @@ pub(super) struct WeightMatrixView {
     /// Weights as shares of the largest, by their square root, a u8 each, row by row; rows and
     /// columns along the cloud's longest axis.
     pub(super) weights: String,
+    /// Weights of the first order in the same way; `None` for other weights.
+    pub(super) first_order: Option<String>,
     /// Row indices in the order of descriptors, a u16 each.
     pub(super) by_looks: String,
     /// Mean weight on the diagonal relative to the overall mean, for rows with a counterpart.
@@ -63,7 +65,9 @@ impl WeightView {
         let ends = |link: &WeightedLink| {
             [points[0][link.source as usize], points[1][link.target as usize]]
         };
-        let drawn = sample_links(links, connections.full);
+        // Weights of the second order do not depend on the pose either.
+        let by_weight = connections.full || !connections.block.first_order.is_empty();
+        let drawn = sample_links(links, by_weight);
         let agrees: Vec<u8> = drawn
             .iter()
             .map(|link| {
@@ -90,8 +94,8 @@ impl WeightView {
 
 /// Selects the links with the largest weights; of correspondences, whose weights depend on the
 /// pose, an even selection.
-fn sample_links(links: &[WeightedLink], full: bool) -> Vec<WeightedLink> {
-    let step = if full { 1 } else { links.len().div_ceil(MAX_LINES).max(1) };
+fn sample_links(links: &[WeightedLink], by_weight: bool) -> Vec<WeightedLink> {
+    let step = if by_weight { 1 } else { links.len().div_ceil(MAX_LINES).max(1) };
     links.iter().step_by(step).take(MAX_LINES).copied().collect()
 }
 
@@ -115,16 +119,15 @@ impl WeightMatrixView {
         let by_looks = ordered(&|k| matrix.principal_feature[k]);
         let mut rank = vec![0u16; n];
         by_place.iter().zip(0..).for_each(|(&k, at)| rank[k] = at);
-        let weight = |a: usize, b: usize| f64::from(matrix.weights[by_place[a] * n + by_place[b]]);
-        let all: Vec<f64> = (0..n * n).map(|at| weight(at / n, at % n)).collect();
-        let mut sorted = all.clone();
-        sorted.sort_by(f64::total_cmp);
-        let top = (((1.0 - CLIPPED_SHARE) * sorted.len() as f64) as usize).min(sorted.len() - 1);
-        let most = if sorted[top] > 0.0 { sorted[top] } else { sorted[sorted.len() - 1] };
-        let small = |w: &f64| match most > 0.0 && w.is_finite() {
-            true => ((w / most).clamp(0.0, 1.0).sqrt() * 255.0).round() as u8,
-            false => 0,
+        let in_order = |weights: &[f32]| -> Vec<f64> {
+            (0..n * n)
+                .map(|at| f64::from(weights[by_place[at / n] * n + by_place[at % n]]))
+                .collect()
         };
+        let all = in_order(&matrix.weights);
+        let first_order = (!matrix.first_order.is_empty())
+            .then(|| STANDARD.encode(tones(&in_order(&matrix.first_order))));
+        let weight = |a: usize, b: usize| all[a * n + b];
         let touching = (0..n).filter(|&k| !alone(k)).count();
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let own = (0..touching).map(|k| weight(k, k)).sum::<f64>() / touching.max(1) as f64;
@@ -132,12 +135,26 @@ impl WeightMatrixView {
         WeightMatrixView {
             side: n,
             alone: n - touching,
-            weights: STANDARD.encode(all.iter().map(small).collect::<Vec<u8>>()),
+            weights: STANDARD.encode(tones(&all)),
+            first_order,
             by_looks: STANDARD
                 .encode(by_looks.iter().flat_map(|&k| rank[k].to_le_bytes()).collect::<Vec<u8>>()),
             diagonal: told.then(|| text::format_number(own / mean)),
         }
     }
+}
+
+/// Returns weights as shares of the largest but a few, by their square root.
+fn tones(weights: &[f64]) -> Vec<u8> {
+    let mut sorted = weights.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let top = (((1.0 - CLIPPED_SHARE) * sorted.len() as f64) as usize).min(sorted.len() - 1);
+    let most = if sorted[top] > 0.0 { sorted[top] } else { sorted[sorted.len() - 1] };
+    let tone = |w: &f64| match most > 0.0 && w.is_finite() {
+        true => ((w / most).clamp(0.0, 1.0).sqrt() * 255.0).round() as u8,
+        false => 0,
+    };
+    weights.iter().map(tone).collect()
 }
 
 #[cfg(test)]
@@ -153,10 +170,13 @@ mod tests {
             distances: vec![0.0, 0.0, 9.0],
             principal_feature: vec![0.1, 0.2, 0.0],
             weights: vec![4.0, 0.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 0.0],
+            first_order: vec![0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0],
         };
         let square = WeightMatrixView::new(&matrix, &source, 1.0);
         // By position: the second, the first; the third has no counterpart.
         assert_eq!(STANDARD.decode(&square.weights).unwrap(), [255, 0, 0, 0, 255, 0, 0, 128, 0]);
+        let first = STANDARD.decode(square.first_order.as_ref().unwrap()).unwrap();
+        assert_eq!(first, [255, 0, 0, 0, 0, 0, 0, 0, 0]);
         // By descriptor: the first, the second.
         assert_eq!(STANDARD.decode(&square.by_looks).unwrap(), [1, 0, 0, 0, 2, 0]);
         assert_eq!((square.alone, square.diagonal.as_deref()), (1, Some("4")));

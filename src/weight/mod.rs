@@ -6,12 +6,14 @@
 //! multiplies its kernels.
 
 mod bandwidth;
+mod compatibility;
 mod composite;
 mod kernel;
 mod normalization;
 mod scheme;
 
 pub use bandwidth::Bandwidth;
+pub use compatibility::{Compatibility, ConnectionEnds, MAX_CONNECTIONS, SecondOrderWeights};
 pub use composite::{Composite, ResolvedComposite};
 pub use kernel::{
     Cauchy, Gaussian, GemanMcClure, Laplacian, StudentT, TruncatedQuadratic, Tukey, Uniform,

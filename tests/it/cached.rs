@@ -50,6 +50,8 @@ fn answers_are_the_same_bits() {
         chain("cf", &[("neighbors", 30.into())], "icp"),
         chain("cf", &[("neighbors", 30.into()), channels], ""),
         chain("cf", &[missing], ""),
+        chain("cf-spectral", &[("voxel", 0.1.into()), channels.clone()], ""),
+        chain("cf-spectral", &[("neighbors", 30.into())], "icp"),
         chain("cfk", &[("neighbors", 30.into())], "kc"),
         chain("teaser", &[("neighbors", 30.into())], ""),
         chain("icp", &[("weights", json!("cauchy"))], ""),

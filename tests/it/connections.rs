@@ -42,6 +42,32 @@ fn right_pairs_weigh_more_than_others() {
 }
 
 #[test]
+fn weights_of_the_second_order_are_nearer_to_the_diagonal() {
+    let truth = Transform::from_rotation_vector([0.4, -0.9, 0.2]);
+    let source = boulder().sample(800, 1).unwrap();
+    let target = boulder().sample(800, 2).unwrap().transformed(&truth).unwrap();
+    let method: Method = "cf-spectral".parse().unwrap();
+    let found = method.weight_graph(&source, &target, &truth).unwrap().unwrap();
+    let WeightBlock { rows, weights, first_order, .. } = &found.block;
+    let n = rows.len();
+    let share = |weights: &[f32]| {
+        let diagonal: f64 = (0..n).map(|k| f64::from(weights[k * n + k])).sum();
+        diagonal / weights.iter().map(|&weight| f64::from(weight)).sum::<f64>()
+    };
+    let (second, first) = (share(weights), share(first_order));
+    assert!(second > 1.5 * first && second > 0.3, "{second} {first}");
+    // Each connection is in one entry of the block.
+    let sum: f64 = weights.iter().map(|&weight| f64::from(weight)).sum();
+    let links: f64 = found.links.iter().map(|link| link.weight).sum();
+    assert!((sum / links - 1.0).abs() < 1e-4, "{sum} {links}");
+    let near = found.links[..100].iter().filter(|link| {
+        let [p, q] = [(0, link.source), (1, link.target)].map(|(k, i)| found.points[k][i as usize]);
+        math::norm(math::sub(truth.apply(p), q)) < found.inlier_distance.unwrap()
+    });
+    assert!(near.count() > 90);
+}
+
+#[test]
 fn matches_agree_with_the_pose_that_they_gave() {
     let source = boulder().sample(800, 1).unwrap();
     let target = boulder().sample(800, 2).unwrap();

@@ -8,6 +8,7 @@ mod architecture;
 mod batch;
 mod cached;
 mod cases;
+mod cf_spectral;
 mod cfk;
 mod channels;
 mod circles;

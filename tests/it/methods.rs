@@ -31,7 +31,7 @@ fn methods() -> Vec<Method> {
 /// A few iterations: enough for promises that hold step by step.
 fn short(method: Method) -> Method {
     match method.name() {
-        "consensus" | "cf" | "cfk" | "teaser" => method,
+        "consensus" | "cf" | "cf-spectral" | "cfk" | "teaser" => method,
         _ => method.with([("max_iterations", 8.into())]).unwrap(),
     }
 }

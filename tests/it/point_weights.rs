@@ -118,7 +118,7 @@ fn weighed(cloud: &PointCloud, weight: impl Fn(usize) -> f64) -> PointCloud {
 }
 
 const BY_POSITION: [&str; 6] = ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"];
-const ALL: [&str; 11] = [
+const ALL: [&str; 12] = [
     "icp",
     "plane-icp",
     "gicp",
@@ -127,6 +127,7 @@ const ALL: [&str; 11] = [
     "dare",
     "cf",
     "cf-multiscale",
+    "cf-spectral",
     "cfk",
     "teaser",
     "consensus",

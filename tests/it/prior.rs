@@ -7,8 +7,19 @@ use cfreg::pose::{Prior, RotationBound, ScaleEstimate};
 use cfreg::{Error, PointCloud, Transform};
 use serde_json::json;
 
-const TAKE: [&str; 10] =
-    ["consensus", "cf", "cfk", "teaser", "icp", "plane-icp", "gicp", "kc", "cpd", "dare"];
+const TAKE: [&str; 11] = [
+    "consensus",
+    "cf",
+    "cf-spectral",
+    "cfk",
+    "teaser",
+    "icp",
+    "plane-icp",
+    "gicp",
+    "kc",
+    "cpd",
+    "dare",
+];
 
 /// Two samples of the boulder, the second one turned by `vector`.
 fn samples(points: usize, vector: Vec3) -> [PointCloud; 2] {

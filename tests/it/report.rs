@@ -165,6 +165,7 @@ fn a_wrong_pose_and_other_methods_have_pages_too() {
     }
     for (method, words) in [
         ("icp", "connects points by where the pose puts them"),
+        ("cf-spectral", "Weights by descriptors (left), and by the connections"),
         ("cfk", "Every point with every point"),
         ("teaser", "points that look most alike"),
         ("cf --refine icp", "Every point with every point"),

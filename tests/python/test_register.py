@@ -9,7 +9,7 @@ import cfreg
 import numpy as np
 from shapes import terrain, turned
 
-GLOBAL = {"consensus": cfreg.Consensus, "cf": cfreg.CF, "cfk": cfreg.CFK, "teaser": cfreg.TEASER}
+GLOBAL = {"consensus": cfreg.Consensus, "cf": cfreg.CF, "cf-spectral": cfreg.CFSpectral, "cfk": cfreg.CFK, "teaser": cfreg.TEASER}
 LOCAL = {"icp": cfreg.ICP, "kc": cfreg.KC, "cpd": cfreg.CPD, "dare": cfreg.DARE}
 
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::super::protocol::{NormalViewpoint, Protocol};
 use super::variation::Variation;
 use crate::Motion;
-use cfreg::method::{Cf, Cfk, Cpd, Dare, Icp, Method, Teaser};
+use cfreg::method::{Cf, CfSpectral, Cfk, Cpd, Dare, Icp, Method, Teaser};
 use cfreg::weight::Normalization;
 
 /// A method with the settings of section IV-A.
@@ -31,11 +31,13 @@ pub enum Contender {
     CfBoth,
     /// Not in the paper: [`Cf::multiscale`], the best of the study of weights, still one step.
     CfMultiscale,
+    /// Not in the paper: [`CfSpectral`], second-order weights, still one step.
+    CfSpectral,
 }
 
 impl Contender {
     /// The contenders of the paper, in the order of its tables, then ours.
-    pub const ALL: [Contender; 8] = [
+    pub const ALL: [Contender; 9] = [
         Contender::Icp,
         Contender::Cpd,
         Contender::Dare,
@@ -44,6 +46,7 @@ impl Contender {
         Contender::Cfk,
         Contender::CfBoth,
         Contender::CfMultiscale,
+        Contender::CfSpectral,
     ];
 
     /// Returns the method with its settings.
@@ -61,6 +64,7 @@ impl Contender {
                 Method::Cf(Cf { normalization: Normalization::Both, ..Cf::default() })
             }
             Contender::CfMultiscale => Method::Cf(Cf::multiscale()),
+            Contender::CfSpectral => Method::CfSpectral(CfSpectral::default()),
         }
     }
 }
@@ -76,6 +80,7 @@ impl fmt::Display for Contender {
             Contender::Cfk => "CFK",
             Contender::CfBoth => "CF both",
             Contender::CfMultiscale => "CF multiscale",
+            Contender::CfSpectral => "CF spectral",
         })
     }
 }

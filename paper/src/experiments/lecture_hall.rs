@@ -16,7 +16,7 @@ use crate::files;
 use cfreg::cloud::{PointCloud, Transform};
 use cfreg::error::{Error, Result};
 use cfreg::figure::Panel;
-use cfreg::method::{Cf, Cfk, Method, Register};
+use cfreg::method::{Cf, CfSpectral, Cfk, Method, Register};
 use cfreg::verify::{PoseError, pose_error};
 use cfreg::{filter, io};
 
@@ -76,6 +76,7 @@ pub fn run(data: &Path, points: usize) -> Result<Option<LectureHall>> {
         ("cf", Method::Cf(Cf::default())),
         ("cfk", Method::Cfk(Cfk::default())),
         ("cf-multiscale", Method::Cf(Cf::multiscale())),
+        ("cf-spectral", Method::CfSpectral(CfSpectral::default())),
     ];
     let outcomes = methods.into_iter().map(outcome).collect::<Result<_>>()?;
     Ok(Some(LectureHall { source, target, outcomes }))

@@ -25,8 +25,19 @@ use cfreg::method::{Method, Register, Registration};
 use cfreg::par;
 
 /// Methods to run, by the names that `--method` takes.
-pub const METHODS: [&str; 10] =
-    ["cf", "cf-multiscale", "cfk", "icp", "plane-icp", "gicp", "kc", "cpd", "dare", "teaser"];
+pub const METHODS: [&str; 11] = [
+    "cf",
+    "cf-multiscale",
+    "cf-spectral",
+    "cfk",
+    "icp",
+    "plane-icp",
+    "gicp",
+    "kc",
+    "cpd",
+    "dare",
+    "teaser",
+];
 
 /// Range of the runs, and the output folder.
 #[derive(Debug, Clone, PartialEq)]

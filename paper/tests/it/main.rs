@@ -3,6 +3,7 @@
 mod common;
 
 mod accuracy;
+mod overlap;
 mod paper;
 mod scaling;
 mod study;

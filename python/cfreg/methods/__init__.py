@@ -1,7 +1,7 @@
 """The methods, each a small configuration that registers.
 
-Every method is weights on the full connection and a closed form. `Consensus`, `CF`, `CFK` and
-`TEASER` need no start; `ICP`, `KC`, `CPD` and `DARE` start from the pose in which the clouds lie, or
+Every method is weights on the full connection and a closed form. `Consensus`, `CF`,
+`CFSpectral`, `CFK` and `TEASER` need no start; `ICP`, `KC`, `CPD` and `DARE` start from the pose in which the clouds lie, or
 from `initial`, and refine what the others found.
 
 Settings are fields, given by name, checked when the method is made and never changed;
@@ -20,18 +20,19 @@ from .. import _interop, _native
 from ..results import Registration
 from .base import LocalMethod, Method, Refinements, _options, _refinements
 from .by_consensus import Consensus, verify
-from .by_descriptor import CF, CFK, TEASER
+from .by_descriptor import CF, CFK, TEASER, CFSpectral
 from .by_position import CPD, DARE, ICP, KC
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-__all__ = ["CF", "CFK", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "verify", "method", "register"]
+__all__ = ["CF", "CFK", "CFSpectral", "CPD", "Consensus", "DARE", "ICP", "KC", "METHODS", "Method", "TEASER", "verify", "method", "register"]
 
 METHODS: Mapping[str, Callable[..., Method]] = {
     "consensus": Consensus,
     "cf": CF,
     "cf-multiscale": CF.multiscale,
+    "cf-spectral": CFSpectral,
     "cfk": CFK,
     "teaser": TEASER,
     "icp": ICP,
@@ -50,8 +51,8 @@ _QUOTES = "\"'"
 def method(name: str, **settings: Any) -> Method:
     """The method of that name.
 
-    name : "consensus", "cf", "cf-multiscale", "cfk", "teaser", "icp", "icp-paper", "plane-icp",
-        "gicp", "kc", "cpd" or "dare"
+    name : "consensus", "cf", "cf-multiscale", "cf-spectral", "cfk", "teaser", "icp", "icp-paper",
+        "plane-icp", "gicp", "kc", "cpd" or "dare"
     settings : fields of its class
 
     >>> import cfreg
@@ -143,7 +144,7 @@ def register(
         list of rows, a cloud of Open3D, trimesh, pyvista or small_gicp, or the path of a file.
         Rows that are not finite are left out and counted
     method : "consensus" (for scans that overlap in part), "cf" (the paper's full connection),
-        "cf-multiscale" (with the sharpest weights), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
+        "cf-multiscale" (with the sharpest weights), "cf-spectral" (one step under partial overlap), "cfk" (of keypoints), "teaser"; from the pose in which the clouds lie: "icp",
         "icp-paper", "plane-icp", "gicp", "kc", "cpd", "dare"; or a method that was made; or any
         object of your own with `register(source, target)`, which returns the pose, (4, 4)
     refine : a method that starts from a pose, by name or made, or several, one after the

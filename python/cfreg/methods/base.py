@@ -197,7 +197,7 @@ class FeatureMethod(Method):
     def _given(self) -> dict[str, Any]:
         given = super()._given()
         if self.radius is not None:
-            if given.pop("neighbors") != FeatureMethod.neighbors:
+            if given.pop("neighbors") != type(self).neighbors:
                 rule = "radius takes its place: leave one of them out"
                 given_too = _interop.shown(self.neighbors)
                 raise _native.SettingError(f"neighbors = {given_too}: {rule}")

@@ -122,6 +122,46 @@ class CFK(CF):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
+class CFSpectral(FeatureMethod):
+    """The strongest connections of the dual softmax, weighted to the second order, solved once.
+
+    One step for scans that overlap in part: a connection counts as far as the connections that are
+    compatible with it do. Two are compatible if they keep their length, and their normals their
+    angle. No hypotheses, no sampling, no iteration over poses.
+
+    voxel : size of the voxels that both clouds are thinned to, and the unit of all lengths. None:
+        such that the larger cloud keeps some 3000 points; all of them where neither has more
+    weights : kernel of the squared distance of descriptors, by its name, see CF
+    beta : squared bandwidth, 1e-12 to 1e12, "auto" or "auto:SHARE"
+    connections : how many are kept, 3 to 10,000. Time grows with the square
+    compatibility : numbers by name. length_tolerance (1.5) and min_length (2), in voxel sizes: the
+        largest difference of two lengths, and the least length; normal_tolerance (0.5): the largest
+        difference of the cosines of normals, 2 to compare none
+    solver : "arun", "horn-quaternion", "horn-matrix", "walker"; all give the same answer
+    prior : cfreg.Prior, what is known of the pose beforehand
+    neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram,
+        channels : see CF; by default 100 neighbours, normals of 20, "open3d"
+
+    >>> import cfreg
+    >>> cfreg.CFSpectral(compatibility={"min_length": 3}).settings()["compatibility"]["min_length"]
+    3.0
+    """
+
+    name: ClassVar[str] = "cf-spectral"
+    neighbors: int = 100
+    normal_neighbors: int | None = 20
+    histogram: str = "open3d"
+    voxel: float | None = None
+    weights: str = "gaussian"
+    beta: float | str = "auto"
+    connections: int = 2000
+    compatibility: Mapping[str, float] | None = None
+    solver: str = "arun"
+    prior: Prior | None = None
+    threads: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class TEASER(FeatureMethod):
     """Matches of descriptors, the largest consistent set of them, truncated least squares.
 

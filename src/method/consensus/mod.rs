@@ -10,7 +10,7 @@ mod scan;
 mod scored_pose;
 mod trial;
 mod verify;
-mod viewpoint_sample;
+pub(super) mod viewpoint_sample;
 mod weight_graph;
 
 use serde::{Deserialize, Serialize};

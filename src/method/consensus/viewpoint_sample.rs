@@ -13,18 +13,18 @@ const MAX_VIEWPOINT_POINTS: usize = 1500;
 
 /// Some points of a downsampled cloud, on which viewpoints are evaluated. Positions are about its
 /// origin.
-pub(super) struct ViewpointSample {
+pub(in crate::method) struct ViewpointSample {
     points: Vec<[f32; 3]>,
     /// Normals of either sign.
     normals: Vec<[f32; 3]>,
     /// From each point to the mean of its neighbours.
-    pub(super) neighborhood_offsets: Vec<Vec3>,
+    pub(in crate::method) neighborhood_offsets: Vec<Vec3>,
     spacing: f64,
 }
 
 impl ViewpointSample {
     /// Samples a cloud that is downsampled to `length`.
-    pub(super) fn new(thin: &PointCloud, length: f64) -> Result<Self> {
+    pub(in crate::method) fn new(thin: &PointCloud, length: f64) -> Result<Self> {
         let side = filter::voxel_size_for(thin, MAX_VIEWPOINT_POINTS)?;
         let few = match side > length {
             true => filter::voxel_grid(thin, side)?,
@@ -49,11 +49,11 @@ impl ViewpointSample {
         })
     }
 
-    pub(super) fn bytes(&self) -> usize {
+    pub(in crate::method) fn bytes(&self) -> usize {
         self.points.len() * (2 * 3 * 4 + 3 * 8)
     }
 
-    pub(super) fn oriented_sample(&self) -> OrientedSample<'_> {
+    pub(in crate::method) fn oriented_sample(&self) -> OrientedSample<'_> {
         OrientedSample { points: &self.points, normals: &self.normals, spacing: self.spacing }
     }
 }

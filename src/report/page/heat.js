@@ -1,8 +1,8 @@
 // W as a picture: a row for each source point, dark for no weight.
 
-function makeHeat(canvas, matrix) {
+function makeHeat(canvas, matrix, values = matrix.weights) {
   const { side } = matrix;
-  const weights = bytesOf(matrix.weights);
+  const weights = bytesOf(values);
   const byLooks = shortsOf(matrix.by_looks);
   canvas.width = canvas.height = side;
   const pen = canvas.getContext("2d");

@@ -6,9 +6,12 @@
   const radios = (name) => [...document.querySelectorAll(`input[name="${name}"]`)];
 
   if (data.weights) {
-    const orderedBy = makeHeat(find("heat"), data.weights.matrix);
-    orderedBy("place");
-    radios("order").forEach((radio) => radio.addEventListener("change", () => orderedBy(radio.value)));
+    const { matrix } = data.weights;
+    const heats = [makeHeat(find("heat"), matrix)];
+    if (matrix.first_order) heats.push(makeHeat(find("heat-first"), matrix, matrix.first_order));
+    const order = (kind) => heats.forEach((orderedBy) => orderedBy(kind));
+    order("place");
+    radios("order").forEach((radio) => radio.addEventListener("change", () => order(radio.value)));
   }
 
   // The view, or the still picture and its note.
