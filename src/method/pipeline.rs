@@ -8,7 +8,7 @@ use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp}
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
-use crate::verify::{VerdictModel, Warning};
+use crate::verify::{Decision, VerdictModel, Warning};
 
 /// A method followed by refinements, each from the pose of the previous one: the pipeline of
 /// `--method cf --refine icp,gicp`.
@@ -200,7 +200,8 @@ impl Pipeline {
             }
             let pose = found.transform;
             let verdict = found.time_s.time("verdict", || search.verify(&pose));
-            Ok(found.with_search_verdict(verdict, consensus.distinguishes_rotations()))
+            let refined = found.with_search_verdict(verdict, consensus.distinguishes_rotations());
+            Ok(drop_worse_refinement(refined))
         })?
     }
 
@@ -261,6 +262,31 @@ impl Pipeline {
             Err(error) => Err(error),
         }
     }
+}
+
+/// Returns the registration before its refinements if its pose was accepted, and the refined pose is
+/// not.
+fn drop_worse_refinement(refined: Registration) -> Registration {
+    let accepted = |found: &Registration| {
+        found.verdict.as_ref().is_some_and(|verdict| verdict.decision == Decision::Accept)
+    };
+    let mut first = &refined;
+    while let Some(before) = &first.refined_from {
+        first = before;
+    }
+    let (true, false, Some(worse)) = (accepted(first), accepted(&refined), &refined.verdict) else {
+        return refined;
+    };
+    let mut kept = first.clone();
+    let reason = format!(
+        "the refinement by {} was dropped: its pose gets {} with probability {:.3}",
+        refined.method.name, worse.decision, worse.probability
+    );
+    kept.time_s = refined.time_s.clone();
+    if let Some(verdict) = &mut kept.verdict {
+        verdict.reasons.push(reason);
+    }
+    kept
 }
 
 /// Returns the settings by which a pose was verified before `found` refined it.
