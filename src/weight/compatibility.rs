@@ -412,7 +412,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Scales a vector to length 1; `None` for one without length.
 fn normalize(vector: &mut [f64]) -> Option<()> {
     let length = dot(vector, vector).sqrt();
-    if !(length > 0.0) {
+    if length.is_nan() || length <= 0.0 {
         return None;
     }
     vector.iter_mut().for_each(|x| *x /= length);
@@ -497,7 +497,7 @@ mod tests {
     fn normals_that_turn_apart_are_not_compatible() {
         let [source, target] = ends(40, 0);
         let turned = |[x, y, z]: [f32; 3]| [-y, x, z];
-        let normal = |k: usize| if k % 2 == 0 { [1.0, 0.0, 0.0] } else { [0.0, 0.6, 0.8] };
+        let normal = |k: usize| if k.is_multiple_of(2) { [1.0, 0.0, 0.0] } else { [0.0, 0.6, 0.8] };
         let own: Vec<[f32; 3]> = (0..40).map(normal).collect();
         let mut other: Vec<[f32; 3]> = own.iter().copied().map(turned).collect();
         other[7] = [0.0, -0.8, -0.6];
