@@ -18,7 +18,8 @@ use crate::{io, par};
 
 #[derive(Args)]
 pub(super) struct RegisterCommand {
-    /// Cloud that is moved (PLY, PCD, XYZ, TXT, CSV)
+    /// Cloud that is moved: PLY, PCD, LAS, LAZ, E57, PTX, PTS, OBJ, STL, OFF, NPY, NPZ, KITTI .bin,
+    /// text, or gzip of these; FILE.e57#2 is the second scan
     source: PathBuf,
     /// Cloud that stays
     target: PathBuf,
@@ -34,8 +35,9 @@ pub(super) struct RegisterCommand {
     /// Also write the 4×4 matrix to this file
     #[arg(long, value_name = "T.txt")]
     output: Option<PathBuf>,
-    /// Also write the whole source, moved into the target's frame
-    #[arg(long, value_name = "OUT.ply")]
+    /// Also write the whole source, moved into the target's frame; in its own format everything but
+    /// coordinates and normals stays
+    #[arg(long, value_name = "OUT")]
     write_aligned: Option<PathBuf>,
     #[command(flatten)]
     pictures: ReportOptions,
@@ -59,7 +61,7 @@ impl RegisterCommand {
         let (method, thinning) = self.method.with_voxel(&self.thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
-            io::check_writable(path)?;
+            io::check_applicable(&self.source, path)?;
             if self.source.exists() && !self.source.is_file() {
                 let rule = "reads the source once more, which must be a file for that";
                 return Err(Error::config("write-aligned", path.display(), rule));
@@ -94,8 +96,10 @@ impl RegisterCommand {
         }
         if let Some(path) = &self.write_aligned {
             let start = std::time::Instant::now();
-            let (source, differences) = io::read_with_differences(&self.source)?;
-            input::write(path, &source.transformed(&registration.transform)?, differences)?;
+            let moved = io::apply(&self.source, &registration.transform, path)?;
+            if !moved.differences.is_empty() {
+                log(&format!("cfreg: {}: {}\n", path.display(), moved.differences));
+            }
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
         for doubt in &registration.doubts {
