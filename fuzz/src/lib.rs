@@ -16,8 +16,8 @@ mod settings;
 pub use batches::journal;
 pub use clouds::round_trip;
 pub use readers::{
-    apply, arrays, benchmark, e57, gzip, las, list, meshes, parquet, pcd, ply, pose, ptx, report, rows,
-    text,
+    apply, arrays, benchmark, e57, gzip, las, list, meshes, parquet, pcd, ply, pose, ptx, report,
+    rows, text,
 };
 pub use registrations::registration;
 pub use settings::settings;

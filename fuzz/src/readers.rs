@@ -94,7 +94,13 @@ pub fn gzip(data: &[u8]) {
 /// Any file, moved within its format: what is read before is read again, as many points.
 pub fn apply(data: &[u8]) {
     const NAMES: [&str; 8] = [
-        "input.ply", "input.pcd", "input.xyz", "input.ptx", "input.obj", "input.stl", "input.npy",
+        "input.ply",
+        "input.pcd",
+        "input.xyz",
+        "input.ptx",
+        "input.obj",
+        "input.stl",
+        "input.npy",
         "input.laz",
     ];
     let name = NAMES[data.len() % NAMES.len()];

@@ -8,13 +8,13 @@ use serde::Serialize;
 use super::options::MethodOptions;
 use super::report_options::ReportOptions;
 use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
-use crate::cloud::{Transform, ViewpointSource};
+use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
 use crate::report::PairReport;
 use crate::verify::{Decision, Warning};
-use crate::{io, par};
+use crate::{io, math, par};
 
 #[derive(Args)]
 pub(super) struct RegisterCommand {
@@ -29,10 +29,14 @@ pub(super) struct RegisterCommand {
     thinning: Downsampling,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
+    /// How the pose is printed and written to --output: matrix, column-major, cloudcompare,
+    /// cloudcompare:X,Y,Z (its global shift), open3d, colmap, tf, tum, kitti
+    #[arg(long, value_name = "FORMAT", default_value_t)]
+    pose_format: io::PoseFormat,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
-    /// Also write the 4×4 matrix to this file
+    /// Also write the pose to this file
     #[arg(long, value_name = "T.txt")]
     output: Option<PathBuf>,
     /// Also write the whole source, moved into the target's frame; in its own format everything but
@@ -92,7 +96,7 @@ impl RegisterCommand {
         })??;
         bar.finish_and_clear();
         if let Some(path) = &self.output {
-            io::write_transform(path, &registration.transform)?;
+            io::write_pose(path, &registration.transform, self.pose_format)?;
         }
         if let Some(path) = &self.write_aligned {
             let start = std::time::Instant::now();
@@ -129,10 +133,26 @@ impl RegisterCommand {
             print_json(&answer)?;
         } else {
             log(&summary(&registration));
-            print(&matrix_text(&registration.transform.matrix()))?;
+            log(&local_text(&registration.transform, &clouds));
+            print(&match self.pose_format {
+                io::PoseFormat::Matrix => matrix_text(&registration.transform.matrix()),
+                other => other.format(&registration.transform)?,
+            })?;
         }
         Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
+}
+
+/// The translation about an origin near clouds in map coordinates, where that of their own frame
+/// says little; empty for clouds near zero.
+fn local_text(transform: &Transform, [source, target]: &[PointCloud; 2]) -> String {
+    let origin = target.frame_origin();
+    if origin == [0.0; 3] || source.frame_origin() == [0.0; 3] {
+        return String::new();
+    }
+    let [x, y, z] = math::sub(transform.apply(origin), origin);
+    let [a, b, c] = origin;
+    format!("about the origin {a} {b} {c}: translation {x:.4} {y:.4} {z:.4}\n")
 }
 
 /// The command line of this process, as a shell takes it.

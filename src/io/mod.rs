@@ -63,6 +63,7 @@ pub(crate) mod outputs;
 mod pcd;
 mod ply;
 mod pose;
+mod pose_format;
 mod ptx;
 mod read;
 mod scalar;
@@ -85,6 +86,7 @@ pub use format::Format;
 use layout::FieldLayout;
 pub use load::MAX_PIPE_BYTES;
 pub use pose::{read_transform, write_transform};
+pub use pose_format::{PoseFormat, write_pose};
 pub use read::{read, read_mesh, read_with_differences};
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) use {

@@ -187,8 +187,11 @@ impl PointTable {
         let mut differences = std::mem::take(&mut self.differences);
         let mut channels = Channels::default();
         let mut weights = None;
+        let is_color = |column: &TableColumn| matches!(column.kind, ColumnKind::Text(_));
+        let has_color = self.columns.iter().any(|column| is_color(column) && column.zeros == 0);
         for mut column in std::mem::take(&mut self.columns) {
-            if column.zeros > 0 && self.drops_zeros {
+            // A colour may lack one of its parts everywhere.
+            if column.zeros > 0 && self.drops_zeros && !(has_color && is_color(&column)) {
                 continue;
             }
             column.store_zeros();

@@ -325,3 +325,35 @@ fn damaged_binary_files_are_refused() {
         assert!(io::read(at(name)).is_err() || name == "a.e57", "{name}");
     }
 }
+
+/// Files that laspy 2.7 and pye57 0.4 wrote, of the points (cos 0.7 i, sin 1.1 i, 0.25 (i mod 5) - 0.3).
+#[cfg(feature = "cli")]
+#[test]
+fn files_of_laspy_and_pye57_are_read() {
+    let seeds = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
+    for (name, step) in
+        [("las/a.las", 1e-4), ("las/a.laz", 1e-4), ("las/b.laz", 1e-4), ("e57/a.e57", 1e-9)]
+    {
+        let cloud = io::read(seeds.join(name)).unwrap();
+        let shift = if name == "e57/a.e57" { [1.0, 2.0, 3.0] } else { [0.0; 3] };
+        assert_eq!(cloud.len(), 8, "{name}");
+        for (i, own) in cloud.positions().enumerate() {
+            let t = i as f64;
+            let place = [(0.7 * t).cos(), (1.1 * t).sin(), 0.25 * (i % 5) as f64 - 0.3];
+            let off = (0..3).map(|k| (own[k] - place[k] - shift[k]).abs()).fold(0.0, f64::max);
+            assert!(off < 0.51 * step + 3e-7, "{name}: {i}: {own:?} {place:?}");
+        }
+        let channel = |name: &str| cloud.channels().get(name).unwrap();
+        if name.starts_with("las") {
+            assert_eq!(channel("intensity")[3], 30.0, "{name}");
+            assert_eq!(channel("gps_time")[3], 4.5, "{name}");
+            assert_eq!(channel("glow")[3], 1.0, "{name}");
+            assert_eq!(cloud.channels().color_depth("red").is_some(), name != "las/b.laz");
+        } else {
+            assert_eq!((channel("intensity")[2], cloud.viewpoint()), (0.25, Some([1.0, 2.0, 3.0])));
+            assert_eq!(channel("red")[5], 5.0 / 255.0);
+            let named = io::read(seeds.join("e57/a.e57#first")).unwrap();
+            assert_eq!(named.len(), 8);
+        }
+    }
+}

@@ -20,7 +20,9 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 pub(super) use self::numbers::MovedBounds;
-pub(super) use self::quaternion::{from_rotation, multiply, to_rotation};
+pub(super) use self::quaternion::from_rotation;
+#[cfg(feature = "formats")]
+pub(super) use self::quaternion::{multiply, to_rotation};
 use super::content_error::ContentError;
 use super::differences::Differences;
 use super::format::{self, DETECTION_BYTES, Format};

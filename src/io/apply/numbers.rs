@@ -83,6 +83,7 @@ pub(in crate::io) struct MovedBounds {
 const MAX_OFFSET: f64 = 16.0;
 
 impl MovedBounds {
+    /// Creates the box of no point.
     pub fn new() -> Self {
         MovedBounds { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] }
     }
@@ -102,10 +103,14 @@ impl MovedBounds {
         far.is_finite() && far > MAX_OFFSET * math::norm(extent)
     }
 
+    /// Returns the lowest corner.
+    #[cfg(feature = "formats")]
     pub fn low(&self) -> Vec3 {
         self.low
     }
 
+    /// Returns the highest corner.
+    #[cfg(feature = "formats")]
     pub fn high(&self) -> Vec3 {
         self.high
     }

@@ -1,8 +1,11 @@
 //! Unit quaternions (w, x, y, z), in which headers and splats have rotations.
 
-use crate::math::{Mat3, Vec3};
+use crate::math::Mat3;
+#[cfg(any(test, feature = "formats"))]
+use crate::math::Vec3;
 
 /// Returns the rotation of a unit quaternion.
+#[cfg(any(test, feature = "formats"))]
 pub(in crate::io) fn to_rotation([w, x, y, z]: [f64; 4]) -> [Vec3; 3] {
     [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
