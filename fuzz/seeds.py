@@ -1,14 +1,18 @@
 """Writes the seeds of the fuzz targets: small files of every kind that cfreg reads.
 
-    python fuzz/seeds.py
+    python fuzz/seeds.py [FOLDER]
 
 They are in the repository, and made anew only when a format is added. Those of Parquet want
-pyarrow, and are left as they are where it is not there.
+pyarrow, and are left as they are where it is not there; so are LAS, LAZ and E57 without a FOLDER that has a.las, a.laz and a.e57.
 """
 
+import gzip as gzip_
+import io
 import json
 import math
 import struct
+import sys
+import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).parent / "seeds"
@@ -145,6 +149,60 @@ def text():
     save("text", "quoted", '"x","y","z","name"\n1,2,3,"a"\n')
 
 
+def formats(made):
+    """Formats of other programs; LAS, LAZ and E57 are the a.las, a.laz and a.e57 of the folder
+    `made`, which any program may write (`cfreg convert`)."""
+    for name in ("a.las", "a.laz", "a.e57"):
+        if made and (made / name).exists():
+            target = "e57" if name == "a.e57" else "las"
+            save(target, name, (made / name).read_bytes())
+            if target == "las":
+                save("apply", name, (made / name).read_bytes())
+    flat = b"".join(struct.pack("<3f", *p) for p in POINTS)
+    header = "{'descr': %s, 'fortran_order': False, 'shape': %s, }\n"
+
+    def npy(descr, shape, data):
+        text = (header % (descr, shape)).encode()
+        return b"\x93NUMPY\x01\0" + struct.pack("<H", len(text)) + text + data
+
+    plain = npy("'<f4'", "(8, 3)", flat)
+    records = "[('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '|u1', (3,))]"
+    rows_ = b"".join(struct.pack("<3f3B", *p, 1, 2, 3) for p in POINTS)
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("points.npy", plain)
+        packed.writestr("glow.npy", npy("'<f4'", "(8,)", struct.pack("<8f", *range(8))))
+    kitti = b"".join(struct.pack("<4f", *p, 0.5) for p in POINTS)
+    for name, content in (
+        ("a.npy", plain),
+        ("b.npy", npy(records, "(8,)", rows_)),
+        ("a.npz", archive.getvalue()),
+        ("a.bin", kitti),
+    ):
+        save("arrays", name, content)
+    obj = "".join("v %g %g %g\n" % p for p in POINTS) + "vn 0 0 1\nf 1 2 3\nf 2//1 3//1 -1//1\n"
+    save("meshes", "a.obj", obj)
+    off = "OFF\n8 1 0\n" + rows(POINTS) + "3 0 1 2\n"
+    save("meshes", "a.off", off)
+    save("meshes", "b.off", "CNOFF\n1 0 0\n1 2 3 0 0 1 255 0 0 255\n")
+    corner = "".join("vertex %g %g %g\n" % p for p in POINTS[:3])
+    ascii_ = f"solid a\nfacet normal 0 0 1\nouter loop\n{corner}endloop\nendfacet\nendsolid a\n"
+    save("meshes", "a.stl", ascii_)
+    binary = b" " * 80 + struct.pack("<I", 1) + struct.pack("<3f", 0, 0, 1) + flat[:36] + b"\0\0"
+    save("meshes", "b.stl", binary)
+    scan = "2\n4\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n"
+    scan += "".join("%g %g %g 0.5\n" % p for p in POINTS[:7]) + "0 0 0 0.5\n"
+    save("ptx", "a.ptx", scan)
+    save("ptx", "b.ptx", scan * 2)
+    xyz = "".join(f"property float {axis}\n" for axis in "xyz")
+    ply_ = f"ply\nformat ascii 1.0\nelement vertex 8\n{xyz}end_header\n{rows(POINTS)}"
+    save("gzip", "a.ply.gz", gzip_.compress(ply_.encode(), mtime=0))
+    for name, content in (("a.ply", ply_), ("a.obj", obj), ("a.ptx", scan), ("a.xyz", rows(POINTS))):
+        save("apply", name, content)
+    save("apply", "a.npy", plain)
+    save("apply", "a.stl", binary)
+
+
 def pose():
     matrix = [[0.36, 0.48, -0.8, 1.5], [-0.8, 0.6, 0.0, -2.0], [0.48, 0.64, 0.6, 0.25], [0, 0, 0, 1]]
     save("pose", "matrix.txt", "# a pose\n" + rows(matrix))
@@ -274,6 +332,7 @@ if __name__ == "__main__":
     ply()
     pcd()
     text()
+    formats(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
     matrix = pose()
     tables(matrix)
     report(matrix)

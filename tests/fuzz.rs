@@ -164,7 +164,7 @@ macro_rules! targets {
             assert_eq!(driven.map(String::from), fuzz::TARGETS.map(|(name, _)| name.to_string()));
             let mut bytes = 0;
             for (path, seed) in driven.into_iter().flat_map(seeds) {
-                assert!(seed.len() < 2000, "{path:?}: {} bytes", seed.len());
+                assert!(seed.len() < 8000, "{path:?}: {} bytes", seed.len());
                 bytes += seed.len();
             }
             assert!(bytes < 200_000, "{bytes} bytes of seeds");
@@ -181,6 +181,13 @@ targets! {
     ply 20_000,
     pcd 20_000,
     text 20_000,
+    las 3_000,
+    e57 1_000,
+    arrays 5_000,
+    meshes 10_000,
+    ptx 10_000,
+    gzip 1_000,
+    apply 5_000,
     pose 20_000,
     list 20_000,
     parquet 10_000,

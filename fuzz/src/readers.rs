@@ -52,10 +52,79 @@ pub fn text(data: &[u8]) {
     cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 250 * longest);
 }
 
+/// LAS and LAZ. The crate `laz` makes its models of the fields before it reads: some megabytes.
+pub fn las(data: &[u8]) {
+    cloud("input.laz", data, 32 << 20);
+}
+
+/// E57: the description is parsed into a tree, and a page has up to a megabyte.
+pub fn e57(data: &[u8]) {
+    cloud("input.e57", data, (4 << 20) + 100 * data.len());
+}
+
+/// Arrays of numpy, alone and in archives, and rows of f32 without a header.
+pub fn arrays(data: &[u8]) {
+    const NAMES: [&str; 3] = ["input.npy", "input.npz", "input.bin"];
+    cloud(NAMES[data.len() % NAMES.len()], data, 64 << 20);
+}
+
+/// OBJ, OFF and STL: clouds, and meshes.
+pub fn meshes(data: &[u8]) {
+    const NAMES: [&str; 3] = ["input.obj", "input.off", "input.stl"];
+    let name = NAMES[data.len() % NAMES.len()];
+    cloud(name, data, BUFFERS + 40 * data.len());
+    let path = door::file(name, data);
+    let read = bounded(data.len(), BUFFERS + 40 * data.len(), || io::read_mesh(&path));
+    if let Some(mesh) = heard(read, Some(&path)) {
+        let count = mesh.vertices.len();
+        assert!(mesh.faces.as_flattened().iter().all(|&corner| (corner as usize) < count));
+    }
+}
+
+/// PTX: scans with headers.
+pub fn ptx(data: &[u8]) {
+    cloud("input.ptx", data, BUFFERS);
+}
+
+/// Gzip of anything: unpacked up to 64 MiB and more.
+pub fn gzip(data: &[u8]) {
+    cloud("input.ply.gz", data, 1 << 30);
+}
+
+/// Any file, moved within its format: what is read before is read again, as many points.
+pub fn apply(data: &[u8]) {
+    const NAMES: [&str; 8] = [
+        "input.ply",
+        "input.pcd",
+        "input.xyz",
+        "input.ptx",
+        "input.obj",
+        "input.stl",
+        "input.npy",
+        "input.laz",
+    ];
+    let name = NAMES[data.len() % NAMES.len()];
+    let path = door::file(name, data);
+    let moved = path.with_file_name(format!("moved-{name}"));
+    let turn = Transform::from_rotation_vector([0.1, -0.2, 0.3]);
+    let done = heard(io::apply(&path, &turn, &moved), Some(&path));
+    if let (Some(_), Ok(before)) = (done, io::read(&path)) {
+        match io::read(&moved) {
+            Ok(after) => assert_eq!(before.len(), after.len(), "{name}"),
+            // Turned coordinates may span more than those that were read.
+            Err(Error::Parse { .. }) => {}
+            Err(error) => panic!("{name}: {error}"),
+        }
+    }
+    let _ = std::fs::remove_file(&moved);
+}
+
 fn cloud(name: &str, data: &[u8], beside: usize) {
     let path = door::file(name, data);
     if let Some(cloud) = heard(bounded(data.len(), beside, || io::read(&path)), Some(&path)) {
-        assert!(cloud.len() + cloud.dropped() <= data.len(), "more points than bytes");
+        // A compressed point may take less than a byte.
+        let most = 16 * data.len() + if name.ends_with(".gz") { 64 << 20 } else { 0 };
+        assert!(cloud.len() + cloud.dropped() <= most, "more points than bytes");
         sound(&cloud);
     }
 }

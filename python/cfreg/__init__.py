@@ -10,7 +10,7 @@
 
 `register` does everything, `register_batch` for many pairs; `Consensus`, `CF`, `CFSpectral`, `CFK`, `TEASER`,
 `ICP`, `KC`, `CPD` and `DARE` are its methods as objects. `read`, `write` and `PointCloud` hold
-clouds; `evaluate` measures a pose, `verify` tells whether it is right.
+clouds, `apply` moves whole files; `evaluate` measures a pose, `verify` tells whether it is right.
 `estimate_normals`, `keypoints`, `fpfh`, `moments` and `solve` are the stages, and `weights` the
 kernels, for those who bring descriptors or weights of their own.
 
@@ -43,6 +43,7 @@ from ._native import (
     ShapeError,
     TooFewPointsError,
     __version__,
+    apply,
     estimate_normals,
     fpfh,
     keypoints,
@@ -120,6 +121,7 @@ __all__ = [
     "TooFewPointsError",
     "Verdict",
     "__version__",
+    "apply",
     "estimate_normals",
     "evaluate",
     "fpfh",

@@ -11,12 +11,13 @@ import json
 import math
 import os
 import reprlib
+import tempfile
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from ._native import Error, PointCloud, ShapeError, read
+from ._native import Error, PointCloud, ShapeError, read, write
 
 
 def parts(cloud: Any, name: str) -> tuple[Any, Any]:
@@ -34,6 +35,8 @@ def parts(cloud: Any, name: str) -> tuple[Any, Any]:
         return array(tensors["positions"], name), normals
     if hasattr(cloud, "has_normals") and hasattr(cloud, "points"):  # Open3D
         return np.asarray(cloud.points), _some(cloud.normals)
+    if hasattr(cloud, "point_format") and hasattr(cloud, "xyz"):  # laspy
+        return np.asarray(cloud.xyz), None
     if hasattr(cloud, "point_data"):  # pyvista
         stored = cloud.point_data
         normals = np.asarray(stored["Normals"]) if "Normals" in stored else None
@@ -46,7 +49,7 @@ def parts(cloud: Any, name: str) -> tuple[Any, Any]:
         return array(cloud, name), getattr(cloud, "normals", None)
     raise Error(
         f"{name} must be an array or rows of numbers (N, 3), or a point cloud of cfreg, Open3D, "
-        f"trimesh, pyvista or small_gicp, not {type(cloud).__name__}"
+        f"trimesh, pyvista, laspy or small_gicp, not {type(cloud).__name__}"
     )
 
 
@@ -83,6 +86,8 @@ def _colors_and_columns(cloud: Any) -> tuple[Any, dict[str, Any]]:
         return columns.pop("colors", None), columns
     if hasattr(cloud, "has_normals") and hasattr(cloud, "points"):  # Open3D
         return _some(getattr(cloud, "colors", None)), {}
+    if hasattr(cloud, "point_format") and hasattr(cloud, "xyz"):  # laspy
+        return None, _las_columns(cloud)
     if hasattr(cloud, "point_data"):  # pyvista
         columns = {str(name): np.asarray(values) for name, values in cloud.point_data.items()}
         colors = None
@@ -94,6 +99,19 @@ def _colors_and_columns(cloud: Any) -> tuple[Any, dict[str, Any]]:
     if getattr(getattr(cloud, "visual", None), "kind", None) == "vertex":  # trimesh
         return _some(cloud.visual.vertex_colors), {}
     return _some(getattr(cloud, "vertex_colors", None)), {}  # meshes of Open3D
+
+
+def _las_columns(cloud: Any) -> dict[str, Any]:
+    """The dimensions of a cloud of laspy that are not 0 everywhere; colours from 0 to 1."""
+    columns = {}
+    for name in cloud.point_format.dimension_names:
+        values = np.asarray(cloud[name])
+        if name not in ("X", "Y", "Z") and values.ndim == 1 and values.any():
+            columns[name] = values
+    if all(name in columns for name in _COLORS):
+        whole = 255 if max(columns[name].max() for name in _COLORS) <= 255 else 65535
+        columns.update({name: columns[name] / whole for name in _COLORS})
+    return columns
 
 
 def array(values: Any, name: str) -> Any:
@@ -273,6 +291,15 @@ def to_pyvista(cloud: Any) -> Any:
     if cloud.normals is not None:
         made.point_data.active_normals_name = "Normals"
     return made
+
+
+def to_laspy(cloud: Any) -> Any:
+    laspy = import_module("laspy")
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "cloud.las")
+        write(path, cloud)
+        return laspy.read(path)
 
 
 def to_small_gicp(cloud: Any) -> Any:

@@ -28,8 +28,8 @@ use cfreg::{filter, search};
 /// points : (N, 3) numbers in any unit: an array of float32 or float64 with any strides, which
 ///     is read as it is, or one of integers or other floats, or a list of rows, which become
 ///     float64. Rows with a NaN or an infinity (or a mask) are dropped and counted in
-///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista or small_gicp, with
-///     its normals
+///     `dropped`. Also a point cloud or mesh of Open3D, trimesh, pyvista, laspy or small_gicp,
+///     with its normals
 /// normals : (N, 3) array, scaled to unit length; zero, or not finite, means undefined. Also the
 ///     whole result of estimate_normals for the same points
 /// viewpoint : three numbers, the position of the sensor in the frame of the points. Estimated
@@ -224,6 +224,37 @@ impl PyCloud {
         run_interruptible(py, || filter::voxel_grid(&self.cloud, size)).map(Self::from)
     }
 
+    /// Return one point per voxel, as `voxel` does: Open3D's name for it.
+    ///
+    /// voxel_size : side of the voxels, in the unit of the points, above 0. SettingError otherwise
+    fn voxel_down_sample(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = real)] voxel_size: f64,
+    ) -> PyResult<Self> {
+        self.voxel(py, voxel_size)
+    }
+
+    /// Select points, with all that they have: by a slice, indices or a mask, as arrays are.
+    fn __getitem__(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let numpy = py.import("numpy")?;
+        let all = numpy.call_method1("arange", (self.cloud.len(),))?;
+        let chosen = numpy.call_method1("atleast_1d", (all.get_item(key)?,))?;
+        let chosen: Vec<usize> = chosen.call_method0("tolist")?.extract()?;
+        detach(py, || self.cloud.select(&chosen)).map(Self::from)
+    }
+
+    /// Join two clouds of one frame: the points of both, with normals, weights and channels where
+    /// both have them; without a viewpoint.
+    fn __add__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let other = other.cast::<Self>().map_err(|_| {
+            let given = format_value(other);
+            PyTypeError::new_err(format!("a PointCloud and a PointCloud are joined, not {given}"))
+        })?;
+        let other = other.get();
+        detach(py, || self.cloud.joined(&other.cloud))?.map(Self::from).map_err(to_pyerr)
+    }
+
     /// Draw points at random without replacement, in their order.
     ///
     /// count : how many, at least 1; the whole cloud if it has no more
@@ -265,6 +296,11 @@ impl PyCloud {
     /// Convert the cloud to a `pyvista.PolyData`, normals too. Needs pyvista.
     fn to_pyvista<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         interop_module(slf.py())?.call_method1("to_pyvista", (slf,))
+    }
+
+    /// Convert the cloud to a `laspy.LasData`, with all that LAS has a place for. Needs laspy.
+    fn to_laspy<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        interop_module(slf.py())?.call_method1("to_laspy", (slf,))
     }
 
     /// Convert the cloud to a `small_gicp.PointCloud`. Needs small_gicp.

@@ -48,7 +48,7 @@ mod _native {
     #[pymodule_export]
     use super::features::{estimate_normals, fpfh, keypoints};
     #[pymodule_export]
-    use super::files::{read, write};
+    use super::files::{apply, read, write};
     #[pymodule_export]
     use super::moments::{Moments, moments, moments_of_pairs, solve};
     #[pymodule_export]

@@ -113,9 +113,10 @@ impl CloudInfo {
 
 #[derive(Args)]
 pub(super) struct ConvertCommand {
-    /// Cloud to read (PLY, PCD, XYZ, TXT, CSV)
+    /// Cloud to read; FILE.e57#2 is the second scan
     input: PathBuf,
-    /// File to write; its extension says the format: .ply .pcd .xyz .txt .csv
+    /// File to write; its extension says the format: .ply .pcd .las .laz .e57 .xyz .txt .csv .pts
+    /// .npy
     output: PathBuf,
     #[command(flatten)]
     thinning: Downsampling,

@@ -18,7 +18,10 @@ fn read_cloud(
     keep_no_returns: bool,
     stream: u64,
 ) -> Result<PointCloud> {
-    let (mut cloud, _) = read_file(path)?;
+    let (mut cloud, differences) = read_file(path)?;
+    for note in &differences.notes {
+        log(&format!("cfreg: {}: {note}\n", path.display()));
+    }
     let marks = filter::find_no_returns(&cloud);
     for mark in &marks {
         let ([x, y, z], rows) = (mark.place, mark.rows);
@@ -52,6 +55,11 @@ fn read_file(path: &Path) -> Result<(PointCloud, Differences)> {
         let (path, dropped) = (path.display(), cloud.dropped());
         let what = "points with NaN or infinite coordinates";
         log(&format!("cfreg: {path}: left out {dropped} {what}\n"));
+    }
+    if cloud.no_returns() > 0 {
+        let (path, rows) = (path.display(), cloud.no_returns());
+        let what = "points that the format marks as missing returns";
+        log(&format!("cfreg: {path}: left out {rows} {what}\n"));
     }
     Ok((cloud, differences))
 }

@@ -3,6 +3,7 @@
 //! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
 //! to be trusted, 2 no answer, or none that could be written, 130 ended by Ctrl-C.
 
+mod apply;
 mod batch;
 mod benchmark;
 mod clouds;
@@ -48,6 +49,8 @@ enum Command {
     Info(clouds::InfoCommand),
     /// Write a cloud in another format, thinned or moved on the way
     Convert(clouds::ConvertCommand),
+    /// Move whole files by a pose: everything but coordinates and normals stays
+    Apply(apply::ApplyCommand),
     /// Measure how well two clouds lie on each other under a given pose
     Evaluate(evaluate::EvaluateCommand),
     /// Register two samples of a built-in shape whose true pose is known
@@ -94,6 +97,7 @@ pub fn main(output: bool) -> ExitCode {
         Command::Report(command) => command.run(),
         Command::Info(command) => command.run(),
         Command::Convert(command) => command.run(),
+        Command::Apply(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Demo(command) => command.run(),
         Command::Benchmark(command) => command.run(),

@@ -8,17 +8,18 @@ use serde::Serialize;
 use super::options::MethodOptions;
 use super::report_options::ReportOptions;
 use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
-use crate::cloud::{Transform, ViewpointSource};
+use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::method::{Method, Register as _, Registration};
 use crate::report::PairReport;
 use crate::verify::{Decision, Warning};
-use crate::{io, par};
+use crate::{io, math, par};
 
 #[derive(Args)]
 pub(super) struct RegisterCommand {
-    /// Cloud that is moved (PLY, PCD, XYZ, TXT, CSV)
+    /// Cloud that is moved: PLY, PCD, LAS, LAZ, E57, PTX, PTS, OBJ, STL, OFF, NPY, NPZ, KITTI .bin,
+    /// text, or gzip of these; FILE.e57#2 is the second scan
     source: PathBuf,
     /// Cloud that stays
     target: PathBuf,
@@ -28,14 +29,19 @@ pub(super) struct RegisterCommand {
     thinning: Downsampling,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
+    /// How the pose is printed and written to --output: matrix, column-major, cloudcompare,
+    /// cloudcompare:X,Y,Z (its global shift), open3d, colmap, tf, tum, kitti
+    #[arg(long, value_name = "FORMAT", default_value_t)]
+    pose_format: io::PoseFormat,
     /// Print one JSON object instead of the matrix
     #[arg(long)]
     json: bool,
-    /// Also write the 4×4 matrix to this file
+    /// Also write the pose to this file
     #[arg(long, value_name = "T.txt")]
     output: Option<PathBuf>,
-    /// Also write the whole source, moved into the target's frame
-    #[arg(long, value_name = "OUT.ply")]
+    /// Also write the whole source, moved into the target's frame; in its own format everything but
+    /// coordinates and normals stays
+    #[arg(long, value_name = "OUT")]
     write_aligned: Option<PathBuf>,
     #[command(flatten)]
     pictures: ReportOptions,
@@ -59,7 +65,7 @@ impl RegisterCommand {
         let (method, thinning) = self.method.with_voxel(&self.thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
-            io::check_writable(path)?;
+            io::check_applicable(&self.source, path)?;
             if self.source.exists() && !self.source.is_file() {
                 let rule = "reads the source once more, which must be a file for that";
                 return Err(Error::config("write-aligned", path.display(), rule));
@@ -90,12 +96,14 @@ impl RegisterCommand {
         })??;
         bar.finish_and_clear();
         if let Some(path) = &self.output {
-            io::write_transform(path, &registration.transform)?;
+            io::write_pose(path, &registration.transform, self.pose_format)?;
         }
         if let Some(path) = &self.write_aligned {
             let start = std::time::Instant::now();
-            let (source, differences) = io::read_with_differences(&self.source)?;
-            input::write(path, &source.transformed(&registration.transform)?, differences)?;
+            let moved = io::apply(&self.source, &registration.transform, path)?;
+            if !moved.differences.is_empty() {
+                log(&format!("cfreg: {}: {}\n", path.display(), moved.differences));
+            }
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
         for doubt in &registration.doubts {
@@ -125,10 +133,26 @@ impl RegisterCommand {
             print_json(&answer)?;
         } else {
             log(&summary(&registration));
-            print(&matrix_text(&registration.transform.matrix()))?;
+            log(&local_text(&registration.transform, &clouds));
+            print(&match self.pose_format {
+                io::PoseFormat::Matrix => matrix_text(&registration.transform.matrix()),
+                other => other.format(&registration.transform)?,
+            })?;
         }
         Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
+}
+
+/// The translation about an origin near clouds in map coordinates, where that of their own frame
+/// says little; empty for clouds near zero.
+fn local_text(transform: &Transform, [source, target]: &[PointCloud; 2]) -> String {
+    let origin = target.frame_origin();
+    if origin == [0.0; 3] || source.frame_origin() == [0.0; 3] {
+        return String::new();
+    }
+    let [x, y, z] = math::sub(transform.apply(origin), origin);
+    let [a, b, c] = origin;
+    format!("about the origin {a} {b} {c}: translation {x:.4} {y:.4} {z:.4}\n")
 }
 
 /// The command line of this process, as a shell takes it.

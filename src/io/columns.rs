@@ -17,14 +17,6 @@ pub(super) struct Vertex {
 }
 
 impl Vertex {
-    /// Stores the `value` of a column called `name`.
-    pub fn set(&mut self, name: &str, value: f64) {
-        match slot(name) {
-            Some(slot) => self.set_slot(slot, value),
-            None => self.extras.push(value),
-        }
-    }
-
     fn set_slot(&mut self, slot: usize, value: f64) {
         match slot.checked_sub(3) {
             None => self.place[slot] = value,
@@ -55,6 +47,8 @@ pub(super) enum ColumnKind {
     /// Text in a column named as one of [`COLORS`]: whole numbers may be colours, others are
     /// numbers.
     Text(usize),
+    /// Numbers in a column named as one of [`COLORS`], which are colours if all are from 0 to 1.
+    Share,
     /// Whole numbers, the largest of which means 1.
     Color(ColorDepth),
     /// Colour bits in a whole number: blue in the lowest byte, then green and red, then opacity if
@@ -88,6 +82,108 @@ pub(super) fn slot(name: &str) -> Option<usize> {
     SLOTS.iter().position(|names| names.iter().any(|slot| slot.eq_ignore_ascii_case(name)))
 }
 
+/// Names that stand for x, y and z where no column has that name: of maps, of ParaView, and of
+/// tables of poses. In lower case, without unit and without a word for coordinate.
+const ALIASES: [&[&str]; 6] = [
+    &["easting", "east", "points:0", "points_0", "pos_x", "position_x", "coord_x", "x_coord", "px"],
+    &[
+        "northing",
+        "north",
+        "points:1",
+        "points_1",
+        "pos_y",
+        "position_y",
+        "coord_y",
+        "y_coord",
+        "py",
+    ],
+    &[
+        "height",
+        "elevation",
+        "altitude",
+        "elev",
+        "alt",
+        "up",
+        "points:2",
+        "points_2",
+        "pos_z",
+        "position_z",
+        "coord_z",
+        "z_coord",
+        "pz",
+    ],
+    &["normals:0", "normals_0", "normalx", "norm_x"],
+    &["normals:1", "normals_1", "normaly", "norm_y"],
+    &["normals:2", "normals_2", "normalz", "norm_z"],
+];
+
+/// Returns the name of a column without what others add to it: a unit in brackets (`X [m]`),
+/// `coord.` or `coordinate`, in lower case.
+fn bare_name(name: &str) -> String {
+    let lower = name.trim().to_lowercase();
+    let start = lower.split(['[', '(']).next().unwrap_or_default().trim();
+    let start = ["coordinate ", "coord. ", "coord "]
+        .iter()
+        .find_map(|word| start.strip_prefix(word))
+        .unwrap_or(start);
+    let start = [" coordinate", " coord", "-coordinate"]
+        .iter()
+        .find_map(|word| start.strip_suffix(word))
+        .unwrap_or(start);
+    start.trim().into()
+}
+
+/// Returns the slot that a column fills by another name than its plain one.
+fn slot_by_alias(name: &str) -> Option<usize> {
+    let bare = bare_name(name);
+    slot(&bare).or_else(|| ALIASES.iter().position(|names| names.contains(&bare.as_str())))
+}
+
+/// Finds the column of each slot: plain names first, then aliases of the slots that have none.
+fn find_slots(
+    names: &[Option<&str>],
+    differences: &mut Differences,
+) -> Result<[Option<usize>; 6], String> {
+    let mut slots = [None; 6];
+    for (column, name) in names.iter().enumerate() {
+        let Some(slot) = name.and_then(slot) else { continue };
+        if slots[slot].replace(column).is_some() {
+            return Err(format!("{} is there twice: rename one of them", SLOTS[slot][0]));
+        }
+    }
+    let plain = slots;
+    for (column, name) in names.iter().enumerate() {
+        let Some(name) = name else { continue };
+        let Some(slot) = slot_by_alias(name).filter(|&slot| plain[slot].is_none()) else {
+            continue;
+        };
+        if let Some(earlier) = slots[slot].replace(column) {
+            let earlier = truncate_name(names[earlier].unwrap_or_default());
+            let (own, name) = (SLOTS[slot][0], truncate_name(name));
+            return Err(format!("{own} may be {earlier} or {name}: call one of them {own}"));
+        }
+        differences.rename(name, SLOTS[slot][0]);
+    }
+    Ok(slots)
+}
+
+/// Formats the message for a slot without a column, with the names that were found.
+fn missing_message(slot: usize, names: &[Option<&str>]) -> String {
+    const MAX_LISTED: usize = 12;
+    let found: Vec<String> = names.iter().flatten().map(|name| truncate_name(name)).collect();
+    let listed = match found.len() {
+        0 => "none".into(),
+        count if count > MAX_LISTED => {
+            format!("{} and {} more", found[..MAX_LISTED].join(", "), count - MAX_LISTED)
+        }
+        _ => found.join(", "),
+    };
+    format!(
+        "there is no {}, expected x, y and z (or Easting, Northing, Height); the names are: {listed}",
+        SLOTS[slot][0]
+    )
+}
+
 /// The use of a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Use {
@@ -115,34 +211,34 @@ impl ColumnMap {
     }
 
     /// Finds the columns by their names; a normal counts when all three of its columns are present.
-    /// Other columns are extras, each under a unique channel name; columns called `None` have no
-    /// single number. The error names a missing or a repeated column.
+    /// Where no column has the plain name of a slot, the names of surveyors and other programs
+    /// stand for it ([`slot_by_alias`]). Other columns are extras, each under a unique channel
+    /// name; columns called `None` have no single number. The error names a missing or a repeated
+    /// column.
     pub fn from_names<'a>(
         names: impl Iterator<Item = Option<&'a str>>,
     ) -> Result<ColumnMap, String> {
+        let names: Vec<Option<&str>> = names.collect();
         let mut columns = ColumnMap::default();
-        let mut slots = [None; 6];
+        let slots = find_slots(&names, &mut columns.differences)?;
         let mut taken = UniqueNames::default();
-        for (column, name) in names.enumerate() {
+        for (column, name) in names.iter().enumerate() {
             let Some(name) = name else { continue };
-            if let Some(slot) = slot(name) {
-                if slots[slot].replace(column).is_some() {
-                    return Err(format!("{} is there twice", SLOTS[slot][0]));
-                }
+            if let Some(slot) = slots.iter().position(|own| *own == Some(column)) {
                 columns.uses.push((column, Use::Slot(slot)));
                 continue;
             }
             let is_weight = name.eq_ignore_ascii_case("weight");
             let wanted = if is_weight { "weight".into() } else { channel_name(name, column) };
             let own = taken.make_unique(wanted);
-            if own != name && !(is_weight && own == "weight") {
+            if own != *name && !(is_weight && own == "weight") {
                 columns.differences.rename(name, &own);
             }
             columns.uses.push((column, Use::Extra(columns.extras.len())));
             columns.extras.push(ExtraColumn { name: own, column, kind: ColumnKind::Number });
         }
         if let Some(missing) = (0..3).find(|&slot| slots[slot].is_none()) {
-            return Err(format!("there is no {}, expected x, y and z", SLOTS[missing][0]));
+            return Err(missing_message(missing, &names));
         }
         columns.has_normals = !slots.contains(&None);
         if !columns.has_normals {
@@ -153,6 +249,11 @@ impl ColumnMap {
             }
         }
         Ok(columns)
+    }
+
+    /// Returns whether `column` is a coordinate or a part of a normal.
+    pub fn fills_slot(&self, column: usize) -> bool {
+        self.uses.iter().any(|&(own, use_)| own == column && matches!(use_, Use::Slot(_)))
     }
 
     /// Sets the kind of each extra column to `kind` of its name and column.
@@ -185,6 +286,14 @@ impl ColumnMap {
         self
     }
 
+    /// Returns the column of each coordinate and part of a normal.
+    pub fn slot_columns(&self) -> [Option<usize>; 6] {
+        std::array::from_fn(|slot| {
+            let own = self.uses.iter().find(|(_, own)| *own == Use::Slot(slot));
+            own.map(|(column, _)| *column)
+        })
+    }
+
     /// Returns the three columns of positions.
     pub fn position_columns(&self) -> [usize; 3] {
         let place = |slot| self.uses.iter().find(|(_, own)| *own == Use::Slot(slot));
@@ -210,12 +319,23 @@ impl ColumnMap {
         words: impl Iterator<Item = &'a str> + Clone,
         line: usize,
     ) -> Result<(), ContentError> {
+        self.parse_with(vertex, words, line, number)
+    }
+
+    /// Fills `vertex` as [`parse`](Self::parse), with the numbers that `number` finds in words.
+    pub fn parse_with<'a>(
+        &self,
+        vertex: &mut Vertex,
+        words: impl Iterator<Item = &'a str> + Clone,
+        line: usize,
+        number: impl Fn(&str) -> Option<f64>,
+    ) -> Result<(), ContentError> {
         vertex.clear();
         let (mut rest, mut next) = (words.clone(), 0);
         for &(column, own) in &self.uses {
             let word = rest.nth(column - next);
             next = column + 1;
-            let value = word.and_then(number);
+            let value = word.and_then(&number);
             match (own, value) {
                 (Use::Slot(slot), Some(value)) => vertex.set_slot(slot, value),
                 (Use::Slot(slot), None) => {

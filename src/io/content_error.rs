@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::format::Format;
 use crate::error::Error;
 
 /// The longest header, or line of column names, that is read, in bytes. Chosen by hand.
@@ -35,6 +36,23 @@ impl ContentError {
     /// Creates an error at `byte`, from 0.
     pub fn byte(byte: usize, what: impl Into<String>) -> Self {
         ContentError { byte: Some(byte as u64), ..ContentError::new(what) }
+    }
+
+    /// Returns the message alone.
+    #[cfg(feature = "formats")]
+    pub fn message(&self) -> &str {
+        &self.what
+    }
+
+    /// Puts the name of a part of the file before the message; the position, which is one within
+    /// that part, goes.
+    pub fn within(self, part: &str) -> Self {
+        ContentError::new(format!("{part}: {}", self.what))
+    }
+
+    /// Puts the name of the format before the message.
+    pub fn in_format(self, format: Format) -> Self {
+        ContentError { what: format!("{format}: {}", self.what), ..self }
     }
 
     /// Converts to an [`Error`] about the file `path`.

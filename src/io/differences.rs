@@ -13,19 +13,27 @@ pub struct Differences {
     pub left_out: Vec<String>,
     /// Clauses: contents that the output has in another form.
     pub changed: Vec<String>,
+    /// Clauses: contradictions in the input, and how they were resolved.
+    pub notes: Vec<String>,
 }
 
 impl Differences {
     /// Returns whether nothing is left out or changed.
     pub fn is_empty(&self) -> bool {
-        self.left_out.is_empty() && self.changed.is_empty()
+        self.left_out.is_empty() && self.changed.is_empty() && self.notes.is_empty()
     }
 
     /// Appends `others`.
     pub fn merge(mut self, others: Differences) -> Differences {
         self.left_out.extend(others.left_out);
         self.changed.extend(others.changed);
+        self.notes.extend(others.notes);
         self
+    }
+
+    /// Appends `others`.
+    pub(super) fn merge_in_place(&mut self, others: Differences) {
+        *self = std::mem::take(self).merge(others);
     }
 
     /// Adds an omission.
@@ -47,6 +55,11 @@ impl Differences {
         self.changed.push(what.into());
     }
 
+    /// Adds a contradiction in the input, and how it was resolved.
+    pub(super) fn note(&mut self, what: impl Into<String>) {
+        self.notes.push(what.into());
+    }
+
     /// Adds a renamed column or channel.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         let from =
@@ -65,12 +78,15 @@ impl fmt::Display for Differences {
                 more => format!("{first} and {more} more"),
             }
         };
-        if !self.left_out.is_empty() {
-            write!(f, "left out: {}", listed(&self.left_out))?;
-        }
-        if !self.changed.is_empty() {
-            let gap = if self.left_out.is_empty() { "" } else { "; " };
-            write!(f, "{gap}changed: {}", listed(&self.changed))?;
+        let parts = [
+            ("left out: ", listed(&self.left_out)),
+            ("changed: ", listed(&self.changed)),
+            ("note: ", listed(&self.notes)),
+        ];
+        let mut gap = "";
+        for (word, text) in parts.iter().filter(|(_, text)| !text.is_empty()) {
+            write!(f, "{gap}{word}{text}")?;
+            gap = "; ";
         }
         Ok(())
     }

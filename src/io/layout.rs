@@ -40,9 +40,9 @@ pub(super) fn is_single(cloud: &PointCloud) -> bool {
 }
 
 impl<'a> FieldLayout<'a> {
-    /// Creates the layout of PLY: colours in one byte or two each; names are letters, digits, _ and
-    /// -.
-    pub fn ply(cloud: &'a PointCloud) -> Self {
+    /// Creates the layout of named fields, as in PLY, NPY and E57: colours in one byte or two each;
+    /// names are letters, digits, _ and -.
+    pub fn named(cloud: &'a PointCloud) -> Self {
         let stored = |name: &str, values| match cloud.channels().color_depth(name) {
             Some(depth) => FieldData::Level(depth, values),
             None => FieldData::Float(values),
@@ -52,8 +52,34 @@ impl<'a> FieldLayout<'a> {
             let fits = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_');
             if fits { name } else { format!("_{name}") }
         };
-        let mut layout = FieldLayout::new(cloud, &[], spell, stored);
+        FieldLayout::new(cloud, &[], spell, stored)
+    }
+
+    /// Creates the layout of PLY and NPY, which have no viewpoint.
+    pub fn without_viewpoint(cloud: &'a PointCloud) -> Self {
+        let mut layout = FieldLayout::named(cloud);
         layout.leave_out_viewpoint(cloud);
+        layout
+    }
+
+    /// Creates the layout of PTS: intensity, and red, green and blue as whole numbers up to 255.
+    pub fn pts(cloud: &'a PointCloud) -> Self {
+        let mut layout = FieldLayout::text(cloud, false);
+        let whole = integer_color_depth(cloud.channels()) == Some(ColorDepth::Eight);
+        let fields = std::mem::take(&mut layout.fields);
+        let mut place = [None, None, None, None];
+        for field in fields {
+            let lower = field.name.to_ascii_lowercase();
+            let slot = ["intensity", "red", "green", "blue"].iter().position(|name| *name == lower);
+            match slot.filter(|slot| *slot == 0 || whole) {
+                Some(slot) => place[slot] = Some(field),
+                None => layout.differences.leave_out(truncate_name(&field.name)),
+            }
+        }
+        layout.fields = place.into_iter().flatten().collect();
+        if cloud.normals().is_some() {
+            layout.differences.leave_out("the normals");
+        }
         layout
     }
 
@@ -177,7 +203,7 @@ impl<'a> FieldLayout<'a> {
     fn leave_out_viewpoint(&mut self, cloud: &PointCloud) {
         if let Some([x, y, z]) = cloud.viewpoint() {
             self.differences.leave_out(format!(
-                "the viewpoint, which only PCD keeps (register with --orientation {x},{y},{z})"
+                "the viewpoint, which only PCD and E57 keep (register with --orientation {x},{y},{z})"
             ));
         }
     }

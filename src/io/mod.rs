@@ -1,8 +1,10 @@
 //! Clouds and poses in files.
 //!
-//! [`read`] takes PLY, PCD and text, detected by content; [`read_mesh`] also takes the faces of
-//! PLY; [`write()`] goes by the extension. Points with a NaN or infinite coordinate are left out
-//! and counted by [`PointCloud::dropped`]; a finite one beyond 1e75 is an error.
+//! [`read()`] takes PLY, PCD, PTX, PTS, OBJ, STL, OFF, NPY, NPZ, KITTI `.bin` and text, and with the
+//! feature `formats` LAS, LAZ, E57 and gzip, detected by content; [`read_mesh`] also takes faces;
+//! [`write()`] goes by the extension; [`apply()`] moves a file without changing anything else.
+//! Points with a NaN or infinite coordinate are left out and counted by [`PointCloud::dropped`]; a
+//! finite one beyond 1e75 is an error.
 //!
 //! A column called `weight` holds the weights of the points; every other scalar becomes a channel
 //! ([`PointCloud::channels`]) unchanged, rounded to f32. Colours become values from 0 to 1 and are
@@ -16,6 +18,10 @@
 //! | PLY | colours of 8 and 16 bits | names but letters, digits, `_`, `-`; no viewpoint |
 //! | PCD | viewpoints, colours of 8 bits | names but ASCII; no viewpoint at 0 0 0 |
 //! | text | colours where red, green and blue are of one depth | no viewpoint; .csv: no digit first |
+//! | LAS, LAZ | colours of 16 bits, extra bytes | coordinates to 9 digits of the size; no viewpoint |
+//! | E57 | viewpoints, colours of 8 and 16 bits | names as PLY |
+//! | NPY | colours of 8 and 16 bits | names as PLY; no viewpoint |
+//! | PTS | intensity, colours of 8 bits | nothing else |
 //!
 //! Clouds have no other contents of a file: faces and other elements, lists, comments, the grid of
 //! an organised PCD. [`differences()`] lists the data that [`write()`] leaves out or changes.
@@ -26,21 +32,43 @@
 //! Time grows with the file. A header, or a line of names, has at most 1 MiB. Pipes are read up to
 //! [`MAX_PIPE_BYTES`] bytes; devices are not read.
 
+mod apply;
+mod bin;
+mod cells;
 mod columns;
 mod content_error;
 #[cfg(any(feature = "batch", feature = "figures"))]
 mod csv_reader;
 mod differences;
+#[cfg(feature = "formats")]
+mod e57;
+mod foreign;
 mod format;
+#[cfg(feature = "formats")]
+mod guard;
+#[cfg(feature = "formats")]
+mod las;
 mod layout;
 pub(crate) mod limited_file;
 mod lines;
+mod literal;
 mod load;
+mod mesh_table;
 mod names;
+mod npy;
+mod npz;
+mod obj;
+mod off;
 pub(crate) mod outputs;
 mod pcd;
 mod ply;
 mod pose;
+mod pose_format;
+mod ptx;
+mod read;
+mod scalar;
+mod scans;
+mod stl;
 mod table;
 mod text;
 
@@ -48,97 +76,26 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use crate::cloud::{Mesh, PointCloud};
+use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 
-use columns::ColumnMap;
-use content_error::{ContentError, MAX_HEADER_BYTES};
+pub use apply::{Moved, apply, check_applicable};
+use content_error::MAX_HEADER_BYTES;
 pub use differences::Differences;
 pub use format::Format;
 use layout::FieldLayout;
 pub use load::MAX_PIPE_BYTES;
-use load::load;
 pub use pose::{read_transform, write_transform};
+pub use pose_format::{PoseFormat, write_pose};
+pub use read::{read, read_mesh, read_with_differences};
 #[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) use {
     content_error::{quote_start, truncate_message},
     csv_reader::CsvReader,
 };
 
-/// Reads a cloud, in the unit and frame of the file.
-///
-/// Text is one point a line, separated by spaces, tabs, commas or semicolons, with comments after
-/// `#` or `//`. A line of column names (x, y, z, nx or normal_x, ...) gives the order of columns.
-/// Without it the first three columns are the position and, in .xyzn, the next three the normal.
-///
-/// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when its content is invalid or its
-/// coordinates span too much for [`PointCloud::new`].
-///
-/// ```no_run
-/// let cloud = cfreg::io::read("bun000.ply")?;
-/// println!("{} points, {} left out", cloud.len(), cloud.dropped());
-/// # Ok::<(), cfreg::Error>(())
-/// ```
-pub fn read(path: impl AsRef<Path>) -> Result<PointCloud> {
-    Ok(read_with_differences(path)?.0)
-}
-
-/// Reads a cloud and the differences from the file: omitted or changed faces, comments, columns
-/// that are not numbers, names that are not valid channel names.
-///
-/// # Errors
-/// Those of [`read`].
-pub fn read_with_differences(path: impl AsRef<Path>) -> Result<(PointCloud, Differences)> {
-    let path = path.as_ref();
-    let content = load(path)?;
-    let table = match Format::detect(path, &content) {
-        Some(Format::Ply) => ply::parse(&content),
-        Some(Format::Pcd) => pcd::parse(&content),
-        Some(Format::Text) if format::extension(path) == "xyzn" => {
-            text::parse(&content, ColumnMap::plain(true))
-        }
-        Some(Format::Text) => text::parse(&content, ColumnMap::plain(false)),
-        None => Err(ContentError::new("is neither PLY nor PCD nor text")),
-    };
-    let table = table.map_err(|fault| fault.into_error(path))?;
-    drop(content);
-    // An error of all coordinates together has a file but no line.
-    table.into_cloud().map_err(|error| ContentError::new(error.to_string()).into_error(path))
-}
-
-/// Reads a mesh: the vertices and faces of a PLY file, in its unit and frame. Faces of more than
-/// three corners become fans of triangles. A range grid, as in the Stanford scans, becomes
-/// triangles between neighbours, including those across depth steps (see
-/// [`Mesh::without_long_edges`]).
-///
-/// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Parse`] when it is not PLY, has neither
-/// faces nor a range grid, or refers to a vertex that is missing or not finite.
-///
-/// ```no_run
-/// let cloud = cfreg::io::read_mesh("bun_zipper.ply")?.sample(500, 0)?;
-/// # Ok::<(), cfreg::Error>(())
-/// ```
-pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
-    let path = path.as_ref();
-    let content = load(path)?;
-    let parsed = match Format::detect(path, &content) {
-        Some(Format::Ply) => ply::parse_mesh(&content),
-        _ => Err(ContentError::new("is not PLY, the only format that meshes are read from")),
-    };
-    let (table, faces) = parsed.map_err(|fault| fault.into_error(path))?;
-    let vertices = table.into_points();
-    let lost = |&&corner: &&u32| vertices[corner as usize].iter().any(|x| !x.is_finite());
-    if let Some(corner) = faces.as_flattened().iter().find(lost) {
-        let what = format!("a face has the corner {corner}, which is not finite");
-        return Err(ContentError::new(what).into_error(path));
-    }
-    Ok(Mesh { vertices, faces })
-}
-
-/// Writes a cloud: `.ply` and `.pcd` in binary, `.xyz` and `.txt` as text with spaces, `.csv` with
-/// commas. An existing file is replaced only once all is written.
+/// Writes a cloud: `.ply`, `.pcd` and `.npy` in binary, `.xyz`, `.txt` and `.pts` as text with
+/// spaces, `.csv` with commas, and with the feature `formats` `.las`, `.laz` and `.e57`. An existing file is replaced only once all is written.
 ///
 /// Coordinates are f32 when the cloud's [`origin`](PointCloud::origin) is zero and f64 otherwise,
 /// in text with the fewest digits that distinguish neighbouring values. Either way the file has
@@ -158,10 +115,33 @@ pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh> {
 /// [`Error::Io`] when the system refuses. An existing file is then unchanged.
 pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
     let path = path.as_ref();
+    #[cfg(feature = "formats")]
+    match format::extension(path).as_str() {
+        "las" | "laz" => {
+            let (layout, is_laz) = (las::LasLayout::new(cloud), format::extension(path) == "laz");
+            return write_file(path, |out| {
+                las::write(out, cloud, &layout, is_laz).map_err(|fault| match fault {
+                    apply::WriteFault::Io(error) => error,
+                    apply::WriteFault::Content(what) => io::Error::other(what.message()),
+                })
+            });
+        }
+        "e57" => {
+            let layout = layout(path, cloud)?;
+            return write_file(path, |out| {
+                let file: &File = out.get_ref();
+                e57::write(file, cloud, &layout)
+                    .map_err(|error| io::Error::other(error.to_string()))
+            });
+        }
+        _ => {}
+    }
     let layout = layout(path, cloud)?;
     match format::extension(path).as_str() {
         "ply" => write_atomically(path, |out| ply::write(out, cloud, &layout)),
         "pcd" => write_atomically(path, |out| pcd::write(out, cloud, &layout)),
+        "npy" => write_atomically(path, |out| npy::write(out, cloud, &layout)),
+        "pts" => write_atomically(path, |out| text::write_pts(out, cloud, &layout)),
         "csv" => write_atomically(path, |out| text::write(out, cloud, &layout, "", ",")),
         _ => write_atomically(path, |out| text::write(out, cloud, &layout, "# ", " ")),
     }
@@ -173,6 +153,10 @@ pub fn write(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<()> {
 /// # Errors
 /// [`Error::Config`] as [`write()`].
 pub fn differences(path: impl AsRef<Path>, cloud: &PointCloud) -> Result<Differences> {
+    #[cfg(feature = "formats")]
+    if matches!(format::extension(path.as_ref()).as_str(), "las" | "laz") {
+        return Ok(las::LasLayout::new(cloud).differences);
+    }
     Ok(layout(path.as_ref(), cloud)?.differences)
 }
 
@@ -181,7 +165,11 @@ fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<FieldLayout<'a>> {
     // In addition to its name, a field takes `property double ` and a line end of a PLY header, and
     // as much as ` 4 F 1` of PCD.
     let (layout, beside) = match format::extension(path).as_str() {
-        "ply" => (FieldLayout::ply(cloud), 17),
+        "ply" => (FieldLayout::without_viewpoint(cloud), 17),
+        "npy" => (FieldLayout::without_viewpoint(cloud), 12),
+        #[cfg(feature = "formats")]
+        "e57" => (FieldLayout::named(cloud), 100),
+        "pts" => (FieldLayout::pts(cloud), 0),
         "pcd" => (FieldLayout::pcd(cloud), 7),
         "csv" => (FieldLayout::text(cloud, true), 1),
         "xyz" | "txt" => (FieldLayout::text(cloud, false), 1),
@@ -213,22 +201,36 @@ pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
 pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     let path = path.as_ref();
     match format::extension(path).as_str() {
-        "ply" | "pcd" | "xyz" | "txt" | "csv" => Ok(()),
+        "ply" | "pcd" | "xyz" | "txt" | "csv" | "pts" | "npy" => Ok(()),
+        "las" | "laz" | "e57" if cfg!(feature = "formats") => Ok(()),
         _ => Err(unknown_extension(path)),
     }
 }
 
 fn unknown_extension(path: &Path) -> Error {
-    let rule = "the extension must be .ply, .pcd, .xyz, .txt or .csv";
+    let rule = match cfg!(feature = "formats") {
+        true => {
+            "the extension must be .ply, .pcd, .las, .laz, .e57, .xyz, .txt, .csv, .pts or .npy"
+        }
+        false => "the extension must be .ply, .pcd, .xyz, .txt, .csv, .pts or .npy",
+    };
     Error::config("path", path.display(), rule)
 }
 
-/// Writes a temporary file next to `path`, then renames it to `path`: a full disk leaves the old
-/// file, or none, but never half of one.
+/// Writes a file as [`write_file`], by calls alone.
 fn write_atomically(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<()> {
+    write_file(path, |out| fill(out))
+}
+
+/// Writes a temporary file next to `path`, then renames it to `path`: a full disk leaves the old
+/// file, or none, but never half of one.
+fn write_file<T>(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<T>,
+) -> Result<T> {
     // Resolves a link, so that the link remains.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let written = if fs::metadata(&target).is_ok_and(|at| !at.is_file()) {
@@ -236,15 +238,19 @@ fn write_atomically(
         File::create(&target).and_then(|file| fill_file(&file, fill))
     } else {
         outputs::create_temporary(&target).and_then(|beside| {
-            fill_file(beside.as_file(), fill)?;
-            beside.persist(&target).map(drop).map_err(|failed| failed.error)
+            let done = fill_file(beside.as_file(), fill)?;
+            beside.persist(&target).map(|_| done).map_err(|failed| failed.error)
         })
     };
     written.map_err(|source| Error::io(path, source))
 }
 
-fn fill_file(file: &File, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn fill_file<T>(
+    file: &File,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<T>,
+) -> io::Result<T> {
     let mut out = BufWriter::new(file);
-    fill(&mut out)?;
-    out.flush()
+    let done = fill(&mut out)?;
+    out.flush()?;
+    Ok(done)
 }

@@ -20,8 +20,12 @@ pub(super) struct PointTable {
     viewpoint: Option<Vec3>,
     /// Rows that were added, including dropped ones.
     rows: usize,
+    /// Rows that the format marks as measurements without a return, which are not among these.
+    no_returns: usize,
     /// Keeps rows that are not finite, because other elements refer to rows by number.
     keeps_non_finite: bool,
+    /// Leaves out columns that are 0 in all rows.
+    drops_zeros: bool,
     /// Colours in text that are not all whole numbers, one bit each.
     decimal: u8,
     differences: Differences,
@@ -40,6 +44,8 @@ struct TableColumn {
     name: String,
     kind: ColumnKind,
     numbers: Vec<f32>,
+    /// Rows so far while all are 0, which take no memory.
+    zeros: usize,
     /// Packed colours, instead of numbers.
     bits: Vec<u32>,
     /// Expected number of values.
@@ -65,7 +71,9 @@ impl PointTable {
                 .collect(),
             viewpoint: None,
             rows: 0,
+            no_returns: 0,
             keeps_non_finite: false,
+            drops_zeros: false,
             decimal: 0,
             differences: columns.differences().clone(),
         }
@@ -99,6 +107,12 @@ impl PointTable {
             _ => 4,
         };
         place + 12 + normal + columns.extras().iter().map(extra).sum::<usize>()
+    }
+
+    /// Makes the table leave out columns that are 0 in all rows, without a word.
+    #[cfg(feature = "formats")]
+    pub fn without_zero_columns(self) -> Self {
+        PointTable { drops_zeros: true, ..self }
     }
 
     /// Makes the table keep rows that are not finite.
@@ -145,6 +159,11 @@ impl PointTable {
         Ok(())
     }
 
+    /// Counts a row that the format marks as a measurement without a return.
+    pub fn skip_no_return(&mut self) {
+        self.no_returns += 1;
+    }
+
     /// Returns the number of rows that were added.
     pub fn len(&self) -> usize {
         self.rows
@@ -168,7 +187,14 @@ impl PointTable {
         let mut differences = std::mem::take(&mut self.differences);
         let mut channels = Channels::default();
         let mut weights = None;
+        let is_color = |column: &TableColumn| matches!(column.kind, ColumnKind::Text(_));
+        let has_color = self.columns.iter().any(|column| is_color(column) && column.zeros == 0);
         for mut column in std::mem::take(&mut self.columns) {
+            // A colour may lack one of its parts everywhere.
+            if column.zeros > 0 && self.drops_zeros && !(has_color && is_color(&column)) {
+                continue;
+            }
+            column.store_zeros();
             if let ColumnKind::Text(bit) = column.kind
                 && self.decimal & (1 << bit) != 0
             {
@@ -186,9 +212,10 @@ impl PointTable {
             TablePositions::Double(places) => PointCloud::new(&places),
         }?;
         let dropped = self.rows - cloud.len();
-        let mut cloud = cloud.with_read(self.normals, channels, dropped)?;
+        let cloud = cloud.with_read(self.normals, channels, dropped)?;
+        let mut cloud = cloud.with_no_returns(self.no_returns);
         if let Some(weights) = weights {
-            cloud = cloud.with_weights(weights.into_iter().map(f64::from).collect())?;
+            cloud = with_valid_weights(cloud, weights, &mut differences)?;
         }
         if let Some(viewpoint) = self.viewpoint {
             cloud = cloud.with_viewpoint(viewpoint)?;
@@ -212,12 +239,31 @@ impl PointTable {
     }
 }
 
+/// Adds weights; those that are none are left out, because nobody may have asked for them.
+fn with_valid_weights(
+    cloud: PointCloud,
+    weights: Vec<f32>,
+    differences: &mut Differences,
+) -> Result<PointCloud> {
+    let bad = weights.iter().position(|weight| !weight.is_finite() || *weight < 0.0);
+    let reason = match bad {
+        Some(row) => format!("it is {} at point {row}, and weights are 0 or more", weights[row]),
+        None if !weights.is_empty() && weights.iter().all(|&weight| weight == 0.0) => {
+            "all are 0, which would leave no point".into()
+        }
+        None => return cloud.with_weights(weights.into_iter().map(f64::from).collect()),
+    };
+    differences.note(format!("the column weight is left out: {reason}"));
+    Ok(cloud)
+}
+
 impl TableColumn {
     fn new(extra: &ExtraColumn, capacity: usize) -> Self {
         TableColumn {
             name: extra.name.clone(),
             kind: extra.kind,
             numbers: Vec::new(),
+            zeros: 0,
             bits: Vec::new(),
             capacity,
             bad: None,
@@ -234,9 +280,15 @@ impl TableColumn {
         }
         if !number.is_finite() && !is_weight {
             self.bad = Some(row);
-            (self.numbers, self.bits) = Default::default();
+            (self.numbers, self.bits, self.zeros) = Default::default();
             return;
         }
+        let is_plain = matches!(self.kind, ColumnKind::Number | ColumnKind::Text(_));
+        if is_plain && number == 0.0 && number.is_sign_positive() && self.numbers.is_empty() {
+            self.zeros += 1;
+            return;
+        }
+        self.store_zeros();
         if self.capacity > 0 {
             match self.kind {
                 ColumnKind::Packed { .. } | ColumnKind::PackedFloat { .. } => {
@@ -250,11 +302,21 @@ impl TableColumn {
             ColumnKind::PackedFloat { .. } => self.bits.push(number.to_bits()),
             ColumnKind::Packed { .. } => self.bits.push(value as i64 as u32),
             ColumnKind::Color(depth) => self.numbers.push((value / f64::from(depth.max())) as f32),
-            ColumnKind::Number | ColumnKind::Text(_) => {
+            ColumnKind::Number | ColumnKind::Text(_) | ColumnKind::Share => {
                 self.range = [self.range[0].min(value), self.range[1].max(value)];
                 self.error = self.error.max((value - f64::from(number)).abs());
                 self.numbers.push(number);
             }
+        }
+    }
+
+    /// Stores the zeros that took no memory so far.
+    fn store_zeros(&mut self) {
+        let zeros = std::mem::take(&mut self.zeros);
+        if zeros > 0 {
+            self.numbers.reserve_exact(std::mem::take(&mut self.capacity).max(zeros));
+            self.numbers.resize(zeros, 0.0);
+            self.range = [0.0, 0.0];
         }
     }
 
@@ -307,6 +369,10 @@ impl TableColumn {
         }
         let depth = match self.kind {
             ColumnKind::Color(depth) => Some(depth),
+            ColumnKind::Share if color(&self.name).is_some() => {
+                let is_share = self.range[0] >= 0.0 && self.range[1] <= 1.0;
+                is_share.then_some(ColorDepth::Eight)
+            }
             ColumnKind::Text(_) if color(&self.name).is_some() => {
                 let depth = text_depth.filter(|depth| self.range[1] <= f64::from(depth.max()));
                 if let Some(depth) = depth {

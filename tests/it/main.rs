@@ -27,6 +27,7 @@ mod dare;
 mod digests;
 mod equivariance;
 mod foreign_files;
+mod formats;
 mod golden;
 mod golden_weights;
 mod hostile_files;

@@ -94,6 +94,38 @@ impl PointCloud {
         Ok(PointCloud { channels, ..self })
     }
 
+    /// Joins this cloud and another of the same frame: the points of both, with normals, weights
+    /// and channels where both have them. Colours of two depths are numbers. There is no viewpoint.
+    ///
+    /// # Errors
+    /// [`Error::Extent`] when both together span too much for [`new`](Self::new).
+    pub fn joined(&self, other: &PointCloud) -> Result<PointCloud> {
+        fn both<T: Clone>(own: Option<&[T]>, other: Option<&[T]>) -> Option<Vec<T>> {
+            own.zip(other).map(|(own, other)| [own, other].concat())
+        }
+        let points: Vec<Vec3> = self.positions().chain(other.positions()).collect();
+        let normals = both(self.normals(), other.normals());
+        let weights = both(self.weights(), other.weights());
+        let mut channels = Channels::default();
+        for (name, values) in self.channels.iter() {
+            let Some(values) = both(Some(values), other.channels.get(name)) else { continue };
+            let depths = [self, other].map(|cloud| cloud.channels.color_depth(name));
+            channels = match depths {
+                [Some(own), Some(other)] if own == other => {
+                    channels.with_color(name, values, own)?
+                }
+                _ => channels.with(name, values)?,
+            };
+        }
+        let dropped = self.dropped + other.dropped;
+        let joined = Self::new(&points)?.with_read(normals, channels, dropped)?;
+        let joined = match weights {
+            Some(weights) => joined.with_weights(weights.into_iter().map(f64::from).collect())?,
+            None => joined,
+        };
+        Ok(joined.with_no_returns(self.no_returns + other.no_returns))
+    }
+
     /// Returns the weights of the points, finite and 0 or more, if the cloud has any; else all
     /// points have the same weight.
     pub fn weights(&self) -> Option<&[f32]> {
@@ -185,6 +217,18 @@ mod tests {
         assert_eq!(PointCloud::from_parts(cloud.parts()).unwrap(), cloud);
         assert_eq!(cloud.with_positive_weights().len(), 2);
         assert_eq!(back.relative_weights().unwrap(), [1.6, 0.4]);
+    }
+
+    #[test]
+    fn joined_clouds_have_what_both_have() {
+        let channels = Channels::default().with("glow", vec![1.0]).unwrap();
+        let near = PointCloud::new(&[[1.0, 2.0, 3.0]]).unwrap().with_channels(channels).unwrap();
+        let both = near.joined(&near).unwrap();
+        assert_eq!((both.len(), both.channels().get("glow")), (2, Some(&[1.0, 1.0][..])));
+        assert_eq!(both.position(1), [1.0, 2.0, 3.0]);
+        let bare = PointCloud::new(&[[5e5, 0.0, 0.0]]).unwrap();
+        let far = near.joined(&bare).unwrap();
+        assert!(far.channels().is_empty() && far.position(1) == [5e5, 0.0, 0.0]);
     }
 
     #[test]

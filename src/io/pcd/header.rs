@@ -6,7 +6,7 @@ use crate::io::content_error::{ContentError, MAX_HEADER_BYTES, quote_start, trun
 
 /// The header as text, with the positions of its entries for error messages.
 #[derive(Default)]
-pub(super) struct PcdHeader {
+pub(in crate::io) struct PcdHeader {
     pub text: String,
     pub bytes: usize,
     /// The line of each entry, by its keyword.

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 
 use pcd_rs::{DataKind, PcdMeta, ValueKind};
 
-use self::header::PcdHeader;
+pub(super) use self::header::PcdHeader;
 use super::columns::{ColumnKind, ColumnMap, Vertex};
 use super::content_error::{ContentError, check_claim, max_memory};
 use super::differences::{Differences, truncate_name};
@@ -24,6 +24,11 @@ use crate::cloud::{PointCloud, find_too_large};
 /// Reads the points. A viewpoint of 0 0 0 counts as unknown, because writers use it so.
 pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
     let head = PcdHeader::parse(content)?;
+    if content[head.bytes..].starts_with(b"HEADER_EXT_START") {
+        let what = "is the extended PCD 3.0 of Xtreme1, and PCD up to 0.7 is read: leave out the \
+                    lines from HEADER_EXT_START to HEADER_EXT_END and write VERSION 0.7";
+        return Err(ContentError::line(head.last + 1, what));
+    }
     let meta = PcdMeta::from_reader(head.text.as_bytes()).map_err(|error| head.fault(error))?;
     let count = meta.num_points;
     if meta.width.checked_mul(meta.height) != Some(count) {
@@ -64,9 +69,7 @@ pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
             parse_binary(body, FieldOrder::Points, &meta, &columns, limit).map_err(at_body)?
         }
         (_, DataKind::BinaryCompressed) => {
-            let (packed, size) = check_compressed(body, count, record, limit).map_err(at_body)?;
-            let what = |what| at_body(format!("the points cannot be unpacked: {what}"));
-            let bytes = lzf::decompress(packed, size).map_err(what)?;
+            let bytes = unpack(body, &meta, content.len()).map_err(at_body)?;
             parse_binary(&bytes, FieldOrder::Fields, &meta, &columns, limit).map_err(at_body)?
         }
     };
@@ -139,9 +142,16 @@ pub(super) fn write(
 }
 
 /// Returns the bytes of a point; the maximum if the header's numbers overflow.
-fn record_size(meta: &PcdMeta) -> u64 {
+pub(super) fn record_size(meta: &PcdMeta) -> u64 {
     let sizes = meta.field_defs.iter().map(|f| f.count.saturating_mul(f.kind.byte_size() as u64));
     sizes.fold(0, u64::saturating_add)
+}
+
+/// Unpacks the points of a compressed body, field by field.
+pub(super) fn unpack(body: &[u8], meta: &PcdMeta, file_size: usize) -> Result<Vec<u8>, String> {
+    let limit = max_memory(file_size);
+    let (packed, size) = check_compressed(body, meta.num_points, record_size(meta), limit)?;
+    lzf::decompress(packed, size).map_err(|what| format!("the points cannot be unpacked: {what}"))
 }
 
 /// Returns the compressed bytes of a body and their unpacked size. Checks both sizes against the

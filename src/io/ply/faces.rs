@@ -1,15 +1,17 @@
 //! Triangles of a PLY file: from its faces, or from a scanner's range grid.
 
-use ply_rs_bw::ply::ElementDef;
-
-use super::elements::{Face, PlyBody};
+use super::body::{PlyBody, Row, RowPlan};
+use super::header::{Element, PropertyKind};
 use crate::io::content_error::ContentError;
+
+/// Names of the list of corners.
+const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// Reads the triangles of all faces: a face of more than three corners is a fan about its first; a
 /// face of fewer has none.
 pub(super) fn read_faces(
     body: &mut PlyBody<'_>,
-    element: &ElementDef,
+    element: &Element,
     vertices: usize,
 ) -> Result<Vec<[u32; 3]>, ContentError> {
     let mut triangles = Vec::new();
@@ -26,7 +28,7 @@ pub(super) fn read_faces(
 /// so.
 pub(super) fn read_range_grid(
     body: &mut PlyBody<'_>,
-    element: &ElementDef,
+    element: &Element,
     vertices: usize,
     infos: &[String],
 ) -> Result<Vec<[u32; 3]>, ContentError> {
@@ -64,25 +66,30 @@ pub(super) fn read_range_grid(
 /// Calls `use_corners` with the vertex indices of each element.
 fn for_each_face(
     body: &mut PlyBody<'_>,
-    element: &ElementDef,
+    element: &Element,
     vertices: usize,
     mut use_corners: impl FnMut(&[u32]),
 ) -> Result<(), ContentError> {
     let name = &element.name;
-    let no_list = || ContentError::new(format!("element {name} has no list vertex_indices"));
-    if element.properties.is_empty() {
-        return Err(no_list());
-    }
+    let is_list = |kind| matches!(kind, PropertyKind::List(..));
+    let list = element.properties.iter().position(|property| {
+        let is_corners = CORNERS.iter().any(|name| name.eq_ignore_ascii_case(&property.name));
+        is_corners && is_list(property.kind)
+    });
+    let Some(list) = list else {
+        let what = format!("element {name} has no list vertex_indices");
+        return Err(ContentError::new(what));
+    };
+    let (plan, mut row) = (RowPlan::new(element, |_| false, Some(list)), Row::default());
     let most = vertices.min(u32::MAX as usize) as f64;
     for index in 0..body.check_count(element)? {
-        let face: Face = body.next(element, index)?;
-        let corner = |value: f64| {
+        body.next(&plan, index, &mut row)?;
+        let corner = |&value: &f64| {
             let known = value >= 0.0 && value < most && value.fract() == 0.0;
             let what = || format!("{name} {index} names vertex {value} of {vertices}");
             known.then_some(value as u32).ok_or_else(|| ContentError::new(what()))
         };
-        let corners = face.corners.ok_or_else(no_list)?.into_iter().map(corner);
-        use_corners(&corners.collect::<Result<Vec<u32>, ContentError>>()?);
+        use_corners(&row.list.iter().map(corner).collect::<Result<Vec<u32>, ContentError>>()?);
     }
     Ok(())
 }

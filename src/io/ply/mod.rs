@@ -1,71 +1,69 @@
 //! Stanford PLY.
-//!
-//! ply-rs-bw reads the header and the binary elements. Three of its behaviours are replaced here: a
-//! repeated name silently replaces the earlier one, which shifts every later binary value; ascii
-//! numbers have only the form `1`, `1.5`, `1e5`, so that `nan`, `.5` and `1.` are refused; and a
-//! float property in ascii is rounded to f32 first, although the file has more digits.
 
-mod elements;
+pub(super) mod body;
 mod faces;
+pub(super) mod header;
+pub(super) mod splat;
 
-use std::collections::HashSet;
 use std::io::{self, Write};
 
-use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyDef, PropertyType};
-
-use self::elements::PlyBody;
-use super::columns::{ColumnMap, Vertex};
-use super::content_error::{ContentError, MAX_HEADER_BYTES, quote_start, truncate_message};
+use self::body::{PlyBody, Row, RowPlan};
+use self::header::{Element, PlyHeader, Property, PropertyKind};
+use super::columns::{ColumnKind, ColumnMap, Vertex, color, slot};
+use super::content_error::ContentError;
 use super::differences::{Differences, truncate_name};
 use super::layout::{FieldData, FieldLayout, is_single, write_binary};
-use super::lines::Lines;
+use super::scalar::Scalar;
 use super::table::PointTable;
 use crate::cloud::{ColorDepth, PointCloud};
 
 /// Reads the vertices; earlier elements are skipped, later ones not read.
 pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
-    let (header, mut body) = parse_header(content)?;
+    let header = PlyHeader::parse(content)?;
+    let mut body = PlyBody::new(content, &header);
     let vertices = Vertices::from_header(&header)?;
-    for element in header.elements.values().take_while(|element| element.name != "vertex") {
-        skip(&mut body, element)?;
+    for element in header.elements.iter().take_while(|element| element.name != "vertex") {
+        body.skip(element)?;
     }
-    Ok(vertices.read(&mut body, false)?.with_differences(differences(&header, &vertices)))
+    let mut differences = differences(&header, &vertices);
+    differences.merge_in_place(vertices.differences.clone());
+    Ok(vertices.read(&mut body, false)?.with_differences(differences))
 }
 
 /// Returns the parts of the file that no cloud has, independent of its points.
-fn differences(header: &Header, vertices: &Vertices<'_>) -> Differences {
+fn differences(header: &PlyHeader, vertices: &Vertices<'_>) -> Differences {
     let mut differences = Differences::default();
-    for element in header.elements.values().filter(|element| element.name != "vertex") {
+    for element in header.elements.iter().filter(|element| element.name != "vertex") {
         differences.leave_out_all(element.count, &truncate_name(&element.name));
     }
-    for property in vertices.element.properties.values() {
-        if let PropertyType::List(..) = property.data_type {
+    for property in &vertices.element.properties {
+        if let PropertyKind::List(..) = property.kind {
             differences.leave_out(format!("the list {}", truncate_name(&property.name)));
         }
     }
-    differences.leave_out_all(header.comments.len() + header.obj_infos.len(), "comment");
+    differences.leave_out_all(header.comments, "comment");
     differences
 }
 
 /// Reads the vertices, and the triangles of the faces or the range grid as vertex indices.
 pub(super) fn parse_mesh(content: &[u8]) -> Result<(PointTable, Vec<[u32; 3]>), ContentError> {
-    let (header, mut body) = parse_header(content)?;
+    let header = PlyHeader::parse(content)?;
+    let mut body = PlyBody::new(content, &header);
     let vertices = Vertices::from_header(&header)?;
-    if !["face", "range_grid"].iter().any(|&name| header.elements.contains_key(name)) {
+    if !["face", "range_grid"].iter().any(|&name| header.element(name).is_some()) {
         let what = "has no surface: the header has neither element face nor range_grid";
         return Err(ContentError::new(what));
     }
     let (mut table, mut faces) = (None, Vec::new());
-    for element in header.elements.values() {
+    for element in &header.elements {
         let known = vertices.element.count;
         match element.name.as_str() {
             "vertex" => table = Some(vertices.read(&mut body, true)?),
             "face" => faces.extend(faces::read_faces(&mut body, element, known)?),
             "range_grid" => {
-                faces.extend(faces::read_range_grid(&mut body, element, known, &header.obj_infos)?);
+                faces.extend(faces::read_range_grid(&mut body, element, known, &header.infos)?);
             }
-            _ => skip(&mut body, element)?,
+            _ => body.skip(element)?,
         }
     }
     let table = table.ok_or_else(|| ContentError::new("the header has no element vertex"))?;
@@ -74,30 +72,52 @@ pub(super) fn parse_mesh(content: &[u8]) -> Result<(PointTable, Vec<[u32; 3]>), 
 
 /// The element that holds the points.
 struct Vertices<'a> {
-    element: &'a ElementDef,
+    element: &'a Element,
     columns: ColumnMap,
     /// Whether f32 holds the coordinates in binary.
     is_single: bool,
+    /// Properties that are not read.
+    differences: Differences,
 }
 
 impl<'a> Vertices<'a> {
-    fn from_header(header: &'a Header) -> Result<Self, ContentError> {
-        let element = header.elements.get("vertex");
+    fn from_header(header: &'a PlyHeader) -> Result<Self, ContentError> {
+        let element = header.element("vertex");
         let element =
             element.ok_or_else(|| ContentError::new("the header has no element vertex"))?;
-        let is_scalar = |property: &&PropertyDef| elements::is_scalar(&property.data_type);
-        let scalars: Vec<&PropertyDef> = element.properties.values().filter(is_scalar).collect();
-        let names = scalars.iter().map(|property| Some(property.name.as_str()));
-        let columns = ColumnMap::from_names(names)
+        let properties = &element.properties;
+        if element.properties.iter().any(|property| property.name == "packed_position") {
+            return Err(ContentError::new(
+                "the vertices are Gaussian splats in SuperSplat's compressed form \
+                 (packed_position), and plain numbers x, y and z are read: export them \
+                 uncompressed, as PLY",
+            ));
+        }
+        let mut differences = Differences::default();
+        let mut names: Vec<Option<&str>> = Vec::new();
+        for property in properties {
+            let name = property.name.as_str();
+            let repeats = |earlier: &Option<&str>| match (slot(name), earlier) {
+                (Some(own), Some(earlier)) => slot(earlier) == Some(own),
+                (_, earlier) => *earlier == Some(name),
+            };
+            let is_scalar = matches!(property.kind, PropertyKind::Scalar(_));
+            let is_new = !names.iter().any(repeats);
+            if is_scalar && !is_new {
+                differences.leave_out(format!("the second {}", truncate_name(name)));
+            }
+            names.push((is_scalar && is_new).then_some(name));
+        }
+        splat::leave_out_shape(&mut names, &mut differences);
+        let columns = ColumnMap::from_names(names.iter().copied())
             .map_err(|what| {
                 ContentError::new(format!("in the properties of element vertex, {what}"))
             })?
-            .with_kinds(|name, column| elements::kind(name, scalars[column]));
-        let is_single = columns
-            .position_columns()
-            .iter()
-            .all(|&place| elements::is_single(&scalars[place].data_type));
-        Ok(Vertices { element, columns, is_single })
+            .with_kinds(|name, column| column_kind(name, &properties[column]));
+        let is_single = columns.position_columns().iter().all(
+            |&place| matches!(properties[place].kind, PropertyKind::Scalar(kind) if kind.is_single()),
+        );
+        Ok(Vertices { element, columns, is_single, differences })
     }
 
     /// Reads all vertices; if `keeps_all`, also those that are not finite.
@@ -113,9 +133,12 @@ impl<'a> Vertices<'a> {
         if keeps_all {
             table = table.keep_non_finite();
         }
+        let plan = RowPlan::new(self.element, |column| self.columns.fills_slot(column), None);
+        let (mut row, mut vertex) = (Row::default(), Vertex::default());
         for index in 0..count {
             let start = body.start();
-            let vertex = body.next::<Vertex>(self.element, index)?;
+            body.next(&plan, index, &mut row)?;
+            self.columns.fill(&mut vertex, |column| row.values[column]);
             let pushed = table.push(&vertex);
             pushed.map_err(|what| body.fault(start, format!("vertex {index}: {what}")))?;
         }
@@ -123,13 +146,14 @@ impl<'a> Vertices<'a> {
     }
 }
 
-fn skip(body: &mut PlyBody<'_>, element: &ElementDef) -> Result<(), ContentError> {
-    // An element without properties takes no bytes, at any count.
-    let count = if element.properties.is_empty() { 0 } else { body.check_count(element)? };
-    for index in 0..count {
-        body.next::<Vertex>(element, index)?;
+/// Returns the kind of a property, colours being whole numbers in one byte or two; `name` is the
+/// channel's name.
+fn column_kind(name: &str, property: &Property) -> ColumnKind {
+    match (color(name), property.kind) {
+        (Some(_), PropertyKind::Scalar(Scalar::U8)) => ColumnKind::Color(ColorDepth::Eight),
+        (Some(_), PropertyKind::Scalar(Scalar::U16)) => ColumnKind::Color(ColorDepth::Sixteen),
+        _ => ColumnKind::Number,
     }
-    Ok(())
 }
 
 /// Writes a binary little endian file.
@@ -157,79 +181,4 @@ pub(super) fn write(
     }
     writeln!(out, "end_header")?;
     write_binary(out, cloud, layout)
-}
-
-/// Parses the header, and returns the body after it.
-fn parse_header(content: &[u8]) -> Result<(Header, PlyBody<'_>), ContentError> {
-    let (bytes, lines) = header_size(content)?;
-    // Comments come in any encoding; all other header text is ascii.
-    let text = String::from_utf8_lossy(&content[..bytes]);
-    let header = Parser::<Vertex>::new()
-        .read_header(&mut Reader::new(text.as_bytes()))
-        .map_err(|error| header_error(&error, &text))?;
-    let body = match header.encoding {
-        Encoding::Ascii => PlyBody::Ascii(Lines::new(content, bytes, lines)),
-        encoding => PlyBody::Binary {
-            content,
-            at: bytes,
-            big_endian: encoding == Encoding::BinaryBigEndian,
-        },
-    };
-    Ok((header, body))
-}
-
-/// Returns the bytes and lines of the header; a repeated name is an error.
-fn header_size(content: &[u8]) -> Result<(usize, usize), ContentError> {
-    let mut bytes = 0;
-    let mut elements = HashSet::new();
-    let mut properties = HashSet::new();
-    let start = &content[..content.len().min(MAX_HEADER_BYTES)];
-    for (index, line) in start.split_inclusive(|&byte| byte == b'\n').enumerate() {
-        bytes += line.len();
-        let line = String::from_utf8_lossy(line);
-        if index == 0 && line.trim_end() != "ply" {
-            return Err(ContentError::line(
-                1,
-                format!("expected ply, found {}", quote_start(line.trim_end())),
-            ));
-        }
-        let mut words = line.split_whitespace();
-        let is_new = match (words.next(), words.next(), words.last()) {
-            (Some("end_header"), ..) => return Ok((bytes, index + 1)),
-            (Some("element"), Some(name), _) => {
-                properties = HashSet::new();
-                elements.insert(name.to_owned())
-            }
-            (Some("property"), _, Some(name)) => properties.insert(name.to_owned()),
-            _ => true,
-        };
-        if !is_new {
-            let what = format!("header line {} repeats a name", quote_start(line.trim()));
-            return Err(ContentError::line(index + 1, what));
-        }
-    }
-    Err(ContentError::new(format!("there is no end_header in the first {} bytes", start.len())))
-}
-
-/// Converts an error of the header parser to the line and the expected content.
-fn header_error(error: &ParseError, header: &str) -> ContentError {
-    let numbered =
-        error.line().and_then(|number| Some((number, header.lines().nth(number.checked_sub(1)?)?)));
-    let Some((number, line)) = numbered else {
-        let said = truncate_message(&error.to_string());
-        return ContentError::new(format!("the header is not understood: {said}"));
-    };
-    let expected = match line.split_whitespace().next() {
-        Some("format") => "once: format ascii|binary_little_endian|binary_big_endian 1.0",
-        Some("element") => "element NAME COUNT with a count of 0 or more",
-        Some("property") => {
-            "after an element: property TYPE NAME or property list TYPE TYPE NAME, TYPE being \
-             char, uchar, short, ushort, int, uint, float, double or int8 ... float64"
-        }
-        _ => "format, comment, obj_info, element, property or end_header",
-    };
-    ContentError::line(
-        number,
-        format!("header line {} is not understood, expected {expected}", quote_start(line)),
-    )
 }
