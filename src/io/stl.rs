@@ -78,7 +78,7 @@ fn parse_ascii(content: &[u8], welder: &mut Welder) -> Result<(), ContentError> 
                 }
                 welder.push(place);
             }
-            "endfacet" if welder.corners.len() % 3 != 0 => {
+            "endfacet" if !welder.corners.len().is_multiple_of(3) => {
                 return Err(ContentError::line(at, "the facet has other than 3 vertices"));
             }
             "solid" | "facet" | "outer" | "endloop" | "endfacet" | "endsolid" => {}

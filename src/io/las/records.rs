@@ -12,6 +12,9 @@ use super::header::LasHeader;
 use crate::io::content_error::ContentError;
 use crate::io::guard::guard;
 
+/// Fills a buffer with the next records.
+type Unpack<'a> = Box<dyn FnMut(&mut [u8]) -> std::io::Result<()> + 'a>;
+
 /// Bytes of records that are read at once. Chosen by hand.
 const BATCH: usize = 1 << 17;
 /// Most bytes of a compressed point: `laz` takes some 10 kB for each of them. Chosen by hand; the
@@ -30,8 +33,7 @@ pub(super) fn for_each<R: Read + Seek + Send + Sync>(
     let mut source = BufReader::with_capacity(1 << 18, source);
     source.seek(SeekFrom::Start(header.points())).map_err(|error| cut_short(0, header, &error))?;
     let size = header.record_size;
-    let mut unpack: Box<dyn FnMut(&mut [u8]) -> std::io::Result<()> + '_> = if header.is_compressed
-    {
+    let mut unpack: Unpack<'_> = if header.is_compressed {
         let vlr = laz_vlr(header)?;
         check_sizes(&mut source, header, &vlr)?;
         let decompressor = guard(|| LasZipDecompressor::new(source, vlr));

@@ -54,7 +54,7 @@ impl<'a> LasLayout<'a> {
             differences: Differences::default(),
         };
         let half = layout.scale / 2.0;
-        if cloud.len() > 0 {
+        if !cloud.is_empty() {
             let unit = 1000.0 * half;
             layout.differences.change(format!(
                 "coordinates are multiples of {}, rounded by up to {half} ({unit} mm where the unit \
