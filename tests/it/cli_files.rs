@@ -61,7 +61,7 @@ fn convert_says_what_it_leaves_out_and_changes() {
     write("huge.xyz", huge);
     let output = cfreg(folder.path(), "info huge.xyz");
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("huge.xyz, line 1: x is 1e308"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("huge.xyz, line 1: text: x is 1e308"), "{}", stderr(&output));
 }
 
 #[test]

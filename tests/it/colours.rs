@@ -284,10 +284,10 @@ fn what_a_cloud_does_not_have_of_a_file_is_said() {
     assert_eq!(said("a.xyz", "# x y z a\n1 2 3 0.1\n4 5 6 0.2\n"), "");
     let seen = PointCloud::new(&[[1.0; 3]]).unwrap().with_viewpoint([0.0, 1.5, 0.0]).unwrap();
     let differences = io::differences("a.ply", &seen).unwrap().to_string();
-    assert!(differences.starts_with("left out: the viewpoint, which only PCD keeps"));
+    assert!(differences.starts_with("left out: the viewpoint, which only PCD and E57 keep"));
     assert!(differences.ends_with("--orientation 0,1.5,0)"), "{differences}");
     assert!(io::differences("a.pcd", &seen).unwrap().is_empty());
-    assert!(io::differences("a.las", &seen).is_err());
+    assert!(io::differences("a.stl", &seen).is_err());
 }
 
 #[test]
