@@ -40,7 +40,7 @@ pub struct CandidateRow {
     /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
     /// to 10; for final poses alone.
     pub translation_std: Option<f64>,
-    /// Difference of the ranking from that of the best other pose, from -2 to 8; for final poses
+    /// Difference of the ranking from that of the best other pose, from -8 to 8; for final poses
     /// alone.
     pub margin: Option<f64>,
     /// Rotation error, in degrees; empty without a true pose.

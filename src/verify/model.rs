@@ -12,7 +12,7 @@ use crate::io::{self, truncate_message};
 /// Informative range of [`Confidence::translation_std`], in voxels. Chosen by hand.
 const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
 /// Informative range of [`Confidence::margin`]. Chosen by hand.
-const MARGIN_RANGE: [f64; 2] = [-2.0, 8.0];
+const MARGIN_RANGE: [f64; 2] = [-8.0, 8.0];
 /// Log odds are clamped to ± this value: no probability is 0 or 1. Chosen by hand.
 const MAX_LOG_ODDS: f64 = 30.0;
 
@@ -33,7 +33,7 @@ static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
 /// more probable one is than the other. The second, `answer`, gives the log odds of the best pose,
 /// with + supporting_hypotheses · ln(1 + h) + translation_std · ln(s) + margin · m: hypotheses that
 /// converged to the pose, standard deviation of its translation in voxels, and difference of its
-/// ranking from that of the best other pose of the search, from -2 to 8.
+/// ranking from that of the best other pose of the search, from -8 to 8.
 ///
 /// The built-in model ([`VerdictModel::default`]) is the file `src/verify/model.json`, which
 /// `python-ref/verdict` writes. A file of the same form replaces it

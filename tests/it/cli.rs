@@ -126,9 +126,7 @@ fn a_benchmark_counts_right_poses() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let judged = std::fs::read_to_string(folder.path().join("judged.csv")).unwrap();
     let answers: Vec<&str> = judged.lines().filter(|row| row.ends_with(",true")).collect();
-    assert!(judged.starts_with(
-        "dataset,source,target,overlap,likeness,support,contradicted,votes,spread,right"
-    ));
+    assert!(judged.starts_with("dataset,source,target,overlap,surface_conflict,residual_std,"));
     // One answer, right and last, after the candidates that it was chosen from.
     assert!(judged.lines().count() > 2 && judged.trim_end().ends_with("true,true"), "{judged}");
     assert_eq!(answers.len(), 1, "{judged}");

@@ -109,7 +109,12 @@ impl ConsensusSearch<'_> {
         alternatives: &[LocalScoredPose],
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let confidence = self.confidence(pose, *evidence, covariance.as_ref());
+        let mut confidence = self.confidence(pose, *evidence, covariance.as_ref());
+        let ranked = self.config.verdict_model().pose_log_odds(evidence);
+        for other in alternatives.iter().filter(|other| self.is_alternative(other, pose)) {
+            let margin = ranked - other.log_odds;
+            confidence.margin = Some(confidence.margin.map_or(margin, |known| known.min(margin)));
+        }
         let mut reasons = self.reasons(&confidence);
         let unconstrained = covariance.as_ref().map_or(0, |known| known.unobservable.len());
         if unconstrained > 0 {
@@ -246,6 +251,12 @@ impl ConsensusSearch<'_> {
         PoseCovariance::estimate(pairs, pose, surfaces[1].origin, self.voxel_size)
     }
 
+    /// Returns whether a proposed pose has an optimum of its own beside `pose`.
+    fn is_alternative(&self, other: &LocalScoredPose, pose: &Transform) -> bool {
+        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
+        mean_displacement(&other.pose, pose, &probes) > DISTINCT_ALTERNATIVE * self.voxel_size
+    }
+
     /// Returns the most probable of the poses of the search and the `alternatives` that differs from
     /// `pose`, assumed to be as well constrained. Alternatives were not searched for by
     /// correspondences: as many hypotheses are assumed to support them as the pose.
@@ -261,16 +272,18 @@ impl ConsensusSearch<'_> {
         let found = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
         let found = found.map(|other| (other, self.count_supporting_hypotheses(&other.pose)));
         let proposed = alternatives.iter().map(|other| (other, confidence.supporting_hypotheses));
-        let differs = |other: &LocalScoredPose, voxels: f64| {
-            mean_displacement(&other.pose, pose, &probes) > voxels * self.voxel_size
-        };
+        let ranked = model.pose_log_odds(&confidence.evidence);
         found
-            .filter(|(other, _)| differs(other, DISTINCT_POSE))
-            .chain(proposed.filter(|(other, _)| differs(other, DISTINCT_ALTERNATIVE)))
+            .filter(|(other, _)| {
+                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
+            })
+            .chain(proposed.filter(|(other, _)| self.is_alternative(other, pose)))
             .max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds))
             .map(|(other, supporting_hypotheses)| {
                 let evidence = other.evidence;
-                let confidence = Confidence { evidence, supporting_hypotheses, ..*confidence };
+                let margin = Some(other.log_odds - ranked);
+                let confidence =
+                    Confidence { evidence, supporting_hypotheses, margin, ..*confidence };
                 RunnerUp {
                     transform: to_cloud_frames(&other.pose, from, onto),
                     probability: model.probability(&confidence),
