@@ -36,7 +36,9 @@ pub(in crate::io) fn apply<R: Read + Seek>(
     drop(reader);
     let mut moved = Moved::default();
     moved.points = scans.iter().fold(0, |sum: u64, scan| sum.saturating_add(scan.records));
-    moved.differences.change("the poses of the scans moved, their points did not");
+    if *transform != Transform::IDENTITY {
+        moved.differences.change("the poses of the scans moved, their points did not");
+    }
 
     // The description is the last part of most files; where it is not, the new one follows all.
     let data = page - CHECKSUM as u64;
