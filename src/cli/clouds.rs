@@ -6,6 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{CommandOutcome, input, log, outputs, print, print_json};
+use crate::cloud::Transform;
 use crate::error::Result;
 use crate::filter::{self, Downsampling, NoReturns};
 use crate::{io, search};
@@ -131,12 +132,31 @@ impl ConvertCommand {
         let mut inputs = vec![self.input.as_path()];
         inputs.extend(self.transform.as_deref());
         outputs::check(&inputs, &[("output", Some(&self.output))])?;
+        let pose = self.transform.as_ref().map(io::read_transform).transpose()?;
+        if self.thinning.voxel.is_none() && self.thinning.sample.is_none() && self.keeps_format() {
+            let pose = pose.unwrap_or(Transform::IDENTITY);
+            let moved = io::apply(&self.input, &pose, &self.output)?;
+            let path = self.output.display();
+            if !moved.differences.is_empty() {
+                log(&format!("cfreg: {path}: {}\n", moved.differences));
+            }
+            log(&format!("cfreg: wrote {} points to {path}\n", moved.points));
+            return Ok(CommandOutcome::Trusted);
+        }
         let (mut cloud, differences) = input::read_with_differences(&self.input, &self.thinning)?;
-        if let Some(path) = &self.transform {
-            cloud = cloud.transformed(&io::read_transform(path)?)?;
+        if let Some(pose) = &pose {
+            cloud = cloud.transformed(pose)?;
         }
         input::write(&self.output, &cloud, differences)?;
         log(&format!("cfreg: wrote {} points to {}\n", cloud.len(), self.output.display()));
         Ok(CommandOutcome::Trusted)
+    }
+
+    /// Whether both files are LAS or LAZ, or both E57, which have more than a cloud has: records of
+    /// their headers, several scans, images.
+    fn keeps_format(&self) -> bool {
+        let format = |path| io::Format::from_extension(path);
+        let own = format(&self.input);
+        matches!(own, Some(io::Format::Las | io::Format::E57)) && own == format(&self.output)
     }
 }

@@ -34,9 +34,11 @@ pub(in crate::io) fn apply<R: Read + Seek>(
     let scans = reader.pointclouds();
     let xml = moved_xml(reader.xml(), transform)?;
     drop(reader);
-    let points = scans.iter().fold(0, |sum: u64, scan| sum.saturating_add(scan.records));
-    let mut moved = Moved { points, ..Moved::default() };
-    moved.differences.change("the poses of the scans moved, their points did not");
+    let mut moved = Moved::default();
+    moved.points = scans.iter().fold(0, |sum: u64, scan| sum.saturating_add(scan.records));
+    if *transform != Transform::IDENTITY {
+        moved.differences.change("the poses of the scans moved, their points did not");
+    }
 
     // The description is the last part of most files; where it is not, the new one follows all.
     let data = page - CHECKSUM as u64;

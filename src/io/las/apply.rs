@@ -7,6 +7,7 @@ use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
 use super::fields::{self, LasField};
 use super::header::{LasHeader, POINT_SIZES, VLR_HEADER, at, number};
+use super::write::rounding_text;
 use super::{coordinate, records};
 use crate::cloud::Transform;
 use crate::io::apply::{Moved, MovedBounds, Output, WriteFault};
@@ -53,12 +54,8 @@ pub(in crate::io) fn apply<R: Read + Seek + Send + Sync>(
     out.seek(SeekFrom::Start(0))?;
     out.write_all(&head)?;
     out.seek(SeekFrom::End(0))?;
-    let error = header.scale.iter().fold(0.0, |most: f64, scale| most.max(scale.abs())) / 2.0;
-    moved.differences.change(format!(
-        "coordinates are multiples of the file's scale, rounded by up to {error} ({} mm where the \
-         unit is the metre)",
-        1000.0 * error
-    ));
+    let scale = header.scale.iter().fold(0.0, |most: f64, scale| most.max(scale.abs()));
+    moved.differences.change(rounding_text(scale));
     Ok(moved)
 }
 

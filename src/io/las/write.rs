@@ -53,14 +53,8 @@ impl<'a> LasLayout<'a> {
             extra: Vec::new(),
             differences: Differences::default(),
         };
-        let half = layout.scale / 2.0;
         if !cloud.is_empty() {
-            let unit = 1000.0 * half;
-            layout.differences.change(format!(
-                "coordinates are multiples of {}, rounded by up to {half} ({unit} mm where the unit \
-                 is the metre)",
-                layout.scale
-            ));
+            layout.differences.change(rounding_text(layout.scale));
         }
         let standard = fields::standard(format);
         for (name, values) in channels.iter() {
@@ -187,6 +181,16 @@ impl<'a> LasLayout<'a> {
         }
         record
     }
+}
+
+/// Says how far coordinates are rounded by a scale.
+pub(super) fn rounding_text(scale: f64) -> String {
+    let text = format!("{:.9}", 1000.0 * scale / 2.0);
+    let millimetres = text.trim_end_matches('0').trim_end_matches('.');
+    format!(
+        "coordinates are multiples of {scale}, rounded by up to half of it ({millimetres} mm where \
+         the unit is the metre)"
+    )
 }
 
 /// Returns a power of ten that is fine enough for f32 and coarse enough for whole numbers of 32
