@@ -16,7 +16,7 @@ use crate::par;
 
 /// Compatibility of connections, and the weights that follow from it.
 ///
-/// Lengths are in units of the resolution of the clouds, the `unit` of
+/// The defaults are chosen by hand. Lengths are in units of the resolution of the clouds, the `unit` of
 /// [`second_order_weights`](Self::second_order_weights).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]

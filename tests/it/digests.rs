@@ -22,11 +22,10 @@ use serde_json::Value;
 
 use crate::common::shared_data;
 
-const METHODS: [&str; 13] = [
+const METHODS: [&str; 12] = [
     "consensus",
     "cf",
     "cf-multiscale",
-    "cf-spectral",
     "cfk",
     "teaser",
     "icp",

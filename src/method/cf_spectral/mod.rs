@@ -46,9 +46,8 @@ use crate::weight::{Bandwidth, Compatibility, MAX_CONNECTIONS, WeightScheme};
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CfSpectral {
-    /// Settings of the descriptors. Default other than those of [`Cf`](super::Cf): 100 nearest
-    /// points, normals of 20, Open3D's histograms. With the paper's 150 points for both, descriptors
-    /// reach over the border of the overlap.
+    /// Settings of the descriptors. Default other than those of [`Cf`](super::Cf), chosen by hand: 100
+    /// nearest points, normals of 20, Open3D's histograms, as in [`Consensus`](super::Consensus).
     #[serde(flatten)]
     pub features: FeatureConfig,
     /// Voxel size to which both clouds are downsampled, and the unit of all lengths, above 0, in the
@@ -136,8 +135,8 @@ impl<'de> Deserialize<'de> for CfSpectral {
 }
 
 impl CfSpectral {
-    /// Number of points that clouds are downsampled to by default. More help most under little
-    /// overlap; time grows with the square.
+    /// Number of points that clouds are downsampled to by default. Chosen by hand; time grows
+    /// with the square.
     pub const POINTS: usize = 3000;
 
     /// Checks the ranges.
