@@ -34,8 +34,8 @@ pub(in crate::io) fn apply<R: Read + Seek>(
     let scans = reader.pointclouds();
     let xml = moved_xml(reader.xml(), transform)?;
     drop(reader);
-    let mut moved = Moved::default();
-    moved.points = scans.iter().fold(0, |sum: u64, scan| sum.saturating_add(scan.records));
+    let points = scans.iter().fold(0, |sum: u64, scan| sum.saturating_add(scan.records));
+    let mut moved = Moved { points, ..Moved::default() };
     if *transform != Transform::IDENTITY {
         moved.differences.change("the poses of the scans moved, their points did not");
     }
