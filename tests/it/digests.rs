@@ -22,10 +22,11 @@ use serde_json::Value;
 
 use crate::common::shared_data;
 
-const METHODS: [&str; 12] = [
+const METHODS: [&str; 13] = [
     "consensus",
     "cf",
     "cf-multiscale",
+    "cf-spectral",
     "cfk",
     "teaser",
     "icp",

@@ -14,6 +14,7 @@ use crate::io::lines::{Lines, number};
 use crate::io::ply::body::{PlyBody, Row, RowPlan};
 use crate::io::ply::header::{Element, Encoding, PlyHeader, Property, PropertyKind};
 use crate::io::ply::splat::is_splat;
+use crate::io::ply::standard_header;
 use crate::io::scalar::Scalar;
 
 /// Moves the vertices of a file.
@@ -22,7 +23,7 @@ pub(super) fn apply(
     transform: &Transform,
     out: &mut dyn Write,
 ) -> Result<Moved, WriteFault> {
-    let header = PlyHeader::parse(content)?;
+    let header = standard_header::parse(content)?;
     let element = header.element("vertex");
     let element = element.ok_or_else(|| ContentError::new("the header has no element vertex"))?;
     let vertices = Vertices::new(element, transform)?;

@@ -55,8 +55,9 @@ const ELEMENT: &str = "element NAME COUNT with a count of 0 or more";
 const FORMAT: &str = "once: format ascii|binary_little_endian|binary_big_endian 1.0";
 
 impl PlyHeader {
-    /// Reads the header. Lines end as the first one does: `\n`, `\r\n`, or `\r` as on old Macs.
-    pub fn parse(content: &[u8]) -> Result<PlyHeader, ContentError> {
+    /// Reads a header of any dialect. Lines end as the first one does: `\n`, `\r\n`, or `\r` as on
+    /// old Macs.
+    pub fn by_line(content: &[u8]) -> Result<PlyHeader, ContentError> {
         let start = &content[..content.len().min(MAX_HEADER_BYTES)];
         let ending = match start.iter().position(|&byte| byte == b'\n' || byte == b'\r') {
             Some(at) if start[at] == b'\r' && start.get(at + 1) != Some(&b'\n') => b'\r',

@@ -4,6 +4,7 @@ pub(super) mod body;
 mod faces;
 pub(super) mod header;
 pub(super) mod splat;
+pub(super) mod standard_header;
 
 use std::io::{self, Write};
 
@@ -19,7 +20,7 @@ use crate::cloud::{ColorDepth, PointCloud};
 
 /// Reads the vertices; earlier elements are skipped, later ones not read.
 pub(super) fn parse(content: &[u8]) -> Result<PointTable, ContentError> {
-    let header = PlyHeader::parse(content)?;
+    let header = standard_header::parse(content)?;
     let mut body = PlyBody::new(content, &header);
     let vertices = Vertices::from_header(&header)?;
     for element in header.elements.iter().take_while(|element| element.name != "vertex") {
@@ -47,7 +48,7 @@ fn differences(header: &PlyHeader, vertices: &Vertices<'_>) -> Differences {
 
 /// Reads the vertices, and the triangles of the faces or the range grid as vertex indices.
 pub(super) fn parse_mesh(content: &[u8]) -> Result<(PointTable, Vec<[u32; 3]>), ContentError> {
-    let header = PlyHeader::parse(content)?;
+    let header = standard_header::parse(content)?;
     let mut body = PlyBody::new(content, &header);
     let vertices = Vertices::from_header(&header)?;
     if !["face", "range_grid"].iter().any(|&name| header.element(name).is_some()) {
