@@ -90,7 +90,7 @@ pub(super) struct MethodOptions {
     #[arg(long, value_name = "METHOD,..", value_delimiter = ',')]
     refine: Vec<String>,
     /// Nearest points that describe a point, itself included; clouds with fewer use all
-    /// [default: 150; cf-spectral: 100]
+    /// (cf-spectral: 100) [default: 150]
     #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
     neighbors: Option<usize>,
     /// Describe by all points within this radius instead, in the unit of the coordinates

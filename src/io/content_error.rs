@@ -1,8 +1,8 @@
 //! Errors in a file's content.
 
+use std::fmt;
 use std::path::Path;
 
-use super::format::Format;
 use crate::error::Error;
 
 /// The longest header, or line of column names, that is read, in bytes. Chosen by hand.
@@ -51,7 +51,7 @@ impl ContentError {
     }
 
     /// Puts the name of the format before the message.
-    pub fn in_format(self, format: Format) -> Self {
+    pub fn in_format(self, format: impl fmt::Display) -> Self {
         ContentError { what: format!("{format}: {}", self.what), ..self }
     }
 

@@ -239,6 +239,14 @@ impl VerdictModel {
         self.pose.log_odds(evidence)
     }
 
+    /// Ranks poses as [`pose_log_odds`](Self::pose_log_odds), with `weight` times the coefficient of the
+    /// descriptors.
+    pub(crate) fn pose_log_odds_by_channels(&self, evidence: &Evidence, weight: f64) -> f64 {
+        let mut pose = self.pose;
+        pose.descriptor_distinctiveness *= weight;
+        pose.log_odds(evidence)
+    }
+
     /// Returns the probability that the best pose is correct, in (0, 1).
     ///
     /// Every pair, even an unrelated one, has a pose that ranks first; then few other hypotheses

@@ -179,10 +179,10 @@ impl Verdict {
         self
     }
 
-    /// Changes an accepted pose to ambiguous because the mirrored source would have this `overlap`
+    /// Changes a pose that is not rejected to ambiguous because the mirrored source would have this `overlap`
     /// with the target, and less conflict.
     pub(crate) fn with_mirrored(mut self, overlap: f64) -> Verdict {
-        if self.decision == Decision::Accept {
+        if self.decision != Decision::Reject {
             self.decision = Decision::Ambiguous;
         }
         let percent = 100.0 * overlap;
@@ -193,10 +193,10 @@ impl Verdict {
         Verdict { mirrored: true, ..self }
     }
 
-    /// Changes an accepted pose to ambiguous because the source scaled by `scale` would have this
+    /// Changes a pose that is not rejected to ambiguous because the source scaled by `scale` would have this
     /// `overlap` with the target.
     pub(crate) fn with_scale_mismatch(mut self, scale: f64, overlap: f64) -> Verdict {
-        if self.decision == Decision::Accept {
+        if self.decision != Decision::Reject {
             self.decision = Decision::Ambiguous;
         }
         let percent = 100.0 * overlap;

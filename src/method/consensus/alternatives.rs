@@ -213,9 +213,8 @@ impl Consensus {
                 let degrees = |n: usize| 360.0 * n as f64 / ROUND_TURNS as f64;
                 proposed =
                     (1..ROUND_TURNS).map(|n| moved(turn(axis, center, degrees(n)))).collect();
-                let model = self.verdict_model();
                 let mut scored =
-                    par::map(proposed.len(), || (), |_, i| trial.score(&proposed[i], model));
+                    par::map(proposed.len(), || (), |_, i| trial.score(&proposed[i], self));
                 sort_by_odds(&mut scored);
                 let ranked = scored.iter().map(|scored| scored.pose);
                 distinct.extend(self.distinct(ranked, &probes, REFINED_ROUND, voxel_size));
@@ -224,7 +223,7 @@ impl Consensus {
         let max_distance = INLIER_DISTANCE * voxel_size;
         let refined = |pose: &Transform| {
             let pose = refine(surfaces, pose, max_distance, COARSE_REFINEMENT, &self.prior).pose;
-            trial.score(&pose, self.verdict_model())
+            trial.score(&pose, self)
         };
         let mut found = par::map(distinct.len(), || (), |_, i| refined(&distinct[i]));
         found.retain(|other| {

@@ -284,7 +284,7 @@ impl Consensus {
             let max_distance = INLIER_DISTANCE * length;
             let ends = at.surface_refs();
             let refined = refine(ends, pose, max_distance, FINE_REFINEMENT, &self.prior);
-            (refined, at.score(&refined.pose, self.verdict_model()))
+            (refined, at.score(&refined.pose, self))
         };
         let mut best = times.time("refine", || {
             let near = |candidate: &&LocalScoredPose| candidate.log_odds > first - CLOSE_LOG_ODDS;

@@ -30,7 +30,7 @@ impl ConsensusSearch<'_> {
         let best = &self.trials[self.best_trial];
         let ends = best.surface_refs();
         let scaled = refine_with_scale(ends, pose, INLIER_DISTANCE * self.voxel_size)?;
-        let overlap = best.score(&scaled, self.config.verdict_model()).evidence.overlap;
+        let overlap = best.score(&scaled, &self.config).evidence.overlap;
         let other = (scaled.scale - 1.0).abs() > MIN_SCALE_CHANGE
             && overlap > evidence.overlap + MIN_OVERLAP_GAIN;
         other.then_some(ScaleMismatch { scale: scaled.scale, overlap })

@@ -12,7 +12,7 @@ use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
 use crate::surface::{INLIER_DISTANCE, Surface, refine};
-use crate::verify::{Confidence, Evidence, Measurement, VerdictModel, squared_descriptor_distance};
+use crate::verify::{Confidence, Evidence, Measurement, squared_descriptor_distance};
 
 /// Mutual matches below which every point of the source is matched with its most alike.
 const MIN_MUTUAL: usize = 16;
@@ -27,6 +27,9 @@ const REFINED: Measurement =
     Measurement { max_points: COARSE_REFINEMENT.max_points, pose_error: 0.0 };
 /// Probability of a pose from which on no other viewpoints are tried. Chosen by hand.
 const EARLY_EXIT_PROBABILITY: f64 = 0.98;
+/// Factor by which descriptors count more where channels are compared with them: who names channels
+/// says that they tell poses apart. Chosen by hand.
+const CHANNEL_WEIGHT: f64 = 5.0;
 /// Supporting hypotheses of most correct answers of real pairs (`cfreg benchmark --candidates`).
 const USUAL_HYPOTHESES: usize = 5;
 /// Standard deviation of the translation of most correct answers of the same pairs, in voxels.
@@ -44,8 +47,8 @@ pub(super) struct LocalScoredPose {
 }
 
 impl LocalScoredPose {
-    pub(super) fn new(pose: Transform, evidence: Evidence, model: &VerdictModel) -> Self {
-        LocalScoredPose { pose, evidence, log_odds: model.pose_log_odds(&evidence) }
+    fn new(pose: Transform, evidence: Evidence, config: &Consensus) -> Self {
+        LocalScoredPose { pose, evidence, log_odds: config.pose_log_odds(&evidence) }
     }
 }
 
@@ -63,13 +66,22 @@ impl ViewpointTrial {
     }
 
     /// Scores a refined `pose`.
-    pub(super) fn score(&self, pose: &Transform, model: &VerdictModel) -> LocalScoredPose {
+    pub(super) fn score(&self, pose: &Transform, config: &Consensus) -> LocalScoredPose {
         let surfaces = self.surface_refs();
-        score_pose(surfaces, &self.correspondences, pose, REFINED, model)
+        score_pose(surfaces, &self.correspondences, pose, REFINED, config)
     }
 }
 
 impl Consensus {
+    /// Ranks the poses of a pair by their evidence: returns the log odds of a pose beside others.
+    pub(super) fn pose_log_odds(&self, evidence: &Evidence) -> f64 {
+        let model = self.verdict_model();
+        match self.channels[..] {
+            [] => model.pose_log_odds(evidence),
+            _ => model.pose_log_odds_by_channels(evidence, CHANNEL_WEIGHT),
+        }
+    }
+
     /// Returns the probability of a pose with this evidence, if it is as well constrained as usual, as
     /// many hypotheses support it, and it ranks as far before others.
     pub(super) fn usual_probability(&self, evidence: Evidence) -> f64 {
@@ -175,7 +187,7 @@ impl Consensus {
         hypotheses: Vec<Hypothesis>,
         most: usize,
     ) -> Vec<LocalScoredPose> {
-        let (length, model) = (matches.voxel_size, self.verdict_model());
+        let length = matches.voxel_size;
         let probes = probe_points(ends[0]);
         let mut distinct: Vec<Transform> = Vec::new();
         for hypothesis in hypotheses {
@@ -186,11 +198,11 @@ impl Consensus {
                 distinct.push(hypothesis.pose);
             }
         }
-        let glance = |pose: &Transform| score_pose(ends, matches, pose, GLANCE, model);
+        let glance = |pose: &Transform| score_pose(ends, matches, pose, GLANCE, self);
         let refined = |pose: &Transform| {
             let max_distance = INLIER_DISTANCE * length;
             let refined = refine(ends, pose, max_distance, COARSE_REFINEMENT, &self.prior);
-            score_pose(ends, matches, &refined.pose, REFINED, model)
+            score_pose(ends, matches, &refined.pose, REFINED, self)
         };
         let mut best = par::map(distinct.len(), || (), |_, i| glance(&distinct[i]));
         sort_by_odds(&mut best);
@@ -230,12 +242,12 @@ fn score_pose(
     correspondences: &Correspondences,
     pose: &Transform,
     measurement: Measurement,
-    model: &VerdictModel,
+    config: &Consensus,
 ) -> LocalScoredPose {
     let inlier_score = correspondences.inlier_score(pose);
     let voxel_size = correspondences.voxel_size;
     let evidence = Evidence::compute(surfaces, pose, inlier_score, voxel_size, measurement);
-    LocalScoredPose::new(*pose, evidence, model)
+    LocalScoredPose::new(*pose, evidence, config)
 }
 
 /// Returns mutual nearest neighbours by descriptor; if there are too many, the most similar ones.

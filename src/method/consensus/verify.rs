@@ -89,7 +89,7 @@ impl ConsensusSearch<'_> {
         let shift = mean_displacement(&refined.pose, &pose, &probes);
         let is_near = shift <= MAX_REFINE_SHIFT * self.voxel_size;
         let near = if is_near { refined.pose } else { pose };
-        let scored = best.score(&near, self.config.verdict_model());
+        let scored = best.score(&near, &self.config);
         let mut alternatives = self.config.alternatives(best, &near, self.voxel_size);
         alternatives.extend(&self.alternatives);
         let covariance = self.covariance(&near);
@@ -110,7 +110,7 @@ impl ConsensusSearch<'_> {
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
         let mut confidence = self.confidence(pose, *evidence, covariance.as_ref());
-        let ranked = self.config.verdict_model().pose_log_odds(evidence);
+        let ranked = self.config.pose_log_odds(evidence);
         for other in alternatives.iter().filter(|other| self.is_alternative(other, pose)) {
             let margin = ranked - other.log_odds;
             confidence.margin = Some(confidence.margin.map_or(margin, |known| known.min(margin)));
@@ -128,7 +128,7 @@ impl ConsensusSearch<'_> {
         let model = self.config.verdict_model();
         let probability = model.probability(&confidence);
         let verdict = Verdict::new(model, probability, *evidence, reasons, runner_up, covariance);
-        if verdict.decision != Decision::Accept {
+        if verdict.decision == Decision::Reject {
             return verdict;
         }
         if let Some(overlap) = self.find_mirrored(evidence) {
@@ -227,7 +227,7 @@ impl ConsensusSearch<'_> {
             })
             .map(|other| other.log_odds)
             .max_by(f64::total_cmp);
-        best.map(|best| self.config.verdict_model().pose_log_odds(evidence) - best)
+        best.map(|best| self.config.pose_log_odds(evidence) - best)
     }
 
     /// Counts the refined hypotheses that converged to `pose`.
@@ -272,7 +272,7 @@ impl ConsensusSearch<'_> {
         let found = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
         let found = found.map(|other| (other, self.count_supporting_hypotheses(&other.pose)));
         let proposed = alternatives.iter().map(|other| (other, confidence.supporting_hypotheses));
-        let ranked = model.pose_log_odds(&confidence.evidence);
+        let ranked = self.config.pose_log_odds(&confidence.evidence);
         found
             .filter(|(other, _)| {
                 mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
