@@ -40,7 +40,7 @@ const ROUND_TURNS: usize = 72;
 const REFINED_ROUND: usize = 4;
 /// Mean displacement from which on an alternative is a different pose, in voxel sizes: a refined pose
 /// that stays so near has an optimum of its own. Chosen by hand.
-pub(super) const DISTINCT_ALTERNATIVE: f64 = 2.5;
+const DISTINCT_ALTERNATIVE: f64 = 2.5;
 /// Absolute cosine of the angle from which on two axes are one. Chosen by hand.
 const SAME_AXIS: f64 = 0.98;
 /// Smallest cosine of the angle between normals of overlapping points: 45 degrees. Chosen by hand.

@@ -1,6 +1,5 @@
 //! The verdict on a pose from any source, compared with all poses of a search.
 
-use super::alternatives::DISTINCT_ALTERNATIVE;
 use super::trial::LocalScoredPose;
 use super::{
     Consensus, ConsensusSearch, DISTINCT_POSE, DUPLICATE_POSE, FINE_REFINEMENT, MAX_REFINE_SHIFT,
@@ -92,6 +91,9 @@ impl ConsensusSearch<'_> {
         let scored = best.score(&near, &self.config);
         let mut alternatives = self.config.alternatives(best, &near, self.voxel_size);
         alternatives.extend(&self.alternatives);
+        if !is_near {
+            alternatives.push(best.score(&refined.pose, &self.config));
+        }
         let covariance = self.covariance(&near);
         let mut verdict = self.build_verdict(&scored, &alternatives, covariance);
         let degrees = refined.pose.after(&pose.inverse()).angle().to_degrees();
@@ -254,7 +256,7 @@ impl ConsensusSearch<'_> {
     /// Returns whether a proposed pose has an optimum of its own beside `pose`.
     fn is_alternative(&self, other: &LocalScoredPose, pose: &Transform) -> bool {
         let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
-        mean_displacement(&other.pose, pose, &probes) > DISTINCT_ALTERNATIVE * self.voxel_size
+        mean_displacement(&other.pose, pose, &probes) > MAX_REFINE_SHIFT * self.voxel_size
     }
 
     /// Returns the most probable of the poses of the search and the `alternatives` that differs from
