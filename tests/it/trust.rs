@@ -48,7 +48,9 @@ fn wrong_poses_of_real_scans_are_doubted() {
 #[test]
 fn wrong_optima_of_real_scans_are_doubted() {
     let Some(data) = common::shared_data() else { return };
-    let pairs = common::scans::real_pairs(&data, 24, 600);
+    // Unoptimised, fewer.
+    let step = if cfg!(debug_assertions) { 36 } else { 24 };
+    let pairs = common::scans::real_pairs(&data, step, 600);
     for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
         let method: Method = name.parse().unwrap();
         let mut tally = Tally::default();
@@ -70,7 +72,7 @@ fn wrong_optima_of_real_scans_are_doubted() {
             trusted_wrong.len(),
             spread(right),
         );
-        assert!(wrong.len() > 20 && *trusted_right > 0, "{name}");
+        assert!(wrong.len() > 480 / step && *trusted_right > 0, "{name}");
         assert!(trusted_wrong.is_empty(), "{name}: {trusted_wrong:#?}");
     }
 }
