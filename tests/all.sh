@@ -32,6 +32,11 @@ else
     step "lints: skipped, clippy is not installed"
 fi
 
+step "build, with lints"
+# As maturin builds the extension: then both share all that is compiled.
+export PYO3_BUILD_EXTENSION_MODULE=1
+cargo test --workspace --features cli --all-targets --no-run
+
 step "the reference's environment"
 # A failure in the background is repeated, and told, here.
 wait "$fetched" || true
@@ -39,11 +44,6 @@ environment
 
 step "the reference: its own checks, and the golden cases"
 (cd python-ref && "$python" -m unittest && "$python" -m reference.golden --check)
-
-step "build, with lints"
-# As maturin builds the extension: then both share all that is compiled.
-export PYO3_BUILD_EXTENSION_MODULE=1
-cargo test --workspace --features cli --all-targets --no-run
 
 step "the Python package, and beside it 50 digits, the reference and Open3D"
 MATURIN_PEP517_ARGS="--profile dev" "$python" -m pip install --quiet --disable-pip-version-check .
