@@ -100,7 +100,7 @@ class Judged(unittest.TestCase):
         right = np.array([True, True, True, False, False, False])
         sets = np.array(["a"] * 4 + ["unrelated rooms"] * 2)
         drawn = Poses(np.ones((6, 7)), np.zeros((6, len(FOUND))), right, np.arange(6), sets, np.array([["a", "a"]] * 6))
-        found = results(np.array([0.95, 0.65, 0.1, 0.75, 0.05, 0.85]), drawn)
+        found = results(np.array([0.95, 0.65, 0.05, 0.85, 0.02, 0.9]), drawn)
         counts = [cell.split(" ")[0] for cell in found[1:]]
         self.assertEqual(counts, ["1/2", "1/1", "2/3", "1/3"])
 
