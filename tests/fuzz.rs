@@ -181,6 +181,7 @@ targets! {
     ply 20_000,
     pcd 20_000,
     text 20_000,
+    array 20_000,
     pose 20_000,
     list 20_000,
     parquet 10_000,

@@ -15,7 +15,7 @@ mod settings;
 
 pub use batches::journal;
 pub use clouds::round_trip;
-pub use readers::{benchmark, list, parquet, pcd, ply, pose, report, rows, text};
+pub use readers::{array, benchmark, list, parquet, pcd, ply, pose, report, rows, text};
 pub use registrations::registration;
 pub use settings::settings;
 
@@ -26,10 +26,11 @@ pub type Target = fn(&[u8]);
 ///
 /// The verdict's model has no file that is read at run time. Once it has, a target `model` belongs
 /// here: a model that is read has finite coefficients, and a verdict by it a probability in [0, 1].
-pub const TARGETS: [(&str, Target); 13] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("ply", ply),
     ("pcd", pcd),
     ("text", text),
+    ("array", array),
     ("pose", pose),
     ("list", list),
     ("parquet", parquet),

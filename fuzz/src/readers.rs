@@ -52,6 +52,23 @@ pub fn text(data: &[u8]) {
     cloud(NAMES[data.len() % NAMES.len()], data, BUFFERS + 250 * longest);
 }
 
+/// NPY: tables of numbers, descriptors and correspondences.
+pub fn array(data: &[u8]) {
+    let path = door::file("input.npy", data);
+    let table = heard(bounded(data.len(), BUFFERS, || io::read_array(&path)), Some(&path));
+    if let Some(table) = table {
+        let [rows, columns] = table.shape();
+        assert!(columns > 0 && rows * columns <= data.len(), "more numbers than bytes");
+        assert_eq!(table.values().len(), rows * columns);
+    }
+    if let Some(rows) = heard(io::read_descriptors(&path), Some(&path)) {
+        assert!(rows.as_slice().iter().all(|x| x.is_finite()), "a descriptor is not finite");
+    }
+    if let Some((pairs, scores)) = heard(io::read_correspondences(&path), Some(&path)) {
+        assert!(scores.is_none_or(|scores| scores.len() == pairs.len()));
+    }
+}
+
 fn cloud(name: &str, data: &[u8], beside: usize) {
     let path = door::file(name, data);
     if let Some(cloud) = heard(bounded(data.len(), beside, || io::read(&path)), Some(&path)) {

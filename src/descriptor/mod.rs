@@ -4,7 +4,9 @@ mod bin;
 mod fpfh;
 mod layout;
 mod pair_features;
+mod prepared;
 mod spfh;
 
 pub use fpfh::{HistogramScale, fpfh, fpfh_at};
 pub use layout::{BINS, BLOCK};
+pub use prepared::{Descriptor, Fpfh, PreparedCloud};

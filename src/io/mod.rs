@@ -20,12 +20,15 @@
 //! Clouds have no other contents of a file: faces and other elements, lists, comments, the grid of
 //! an organised PCD. [`differences()`] lists the data that [`write()`] leaves out or changes.
 //!
+//! [`read_array`] takes tables of numbers of NPY: descriptors and correspondences from elsewhere.
+//!
 //! Headers are not trusted: a count or size in a header is checked against the bytes present before
 //! memory is taken, and any error is an [`Error::Parse`] with its line or byte. Memory is at most
 //! about ten times the file; a compressed PCD that unpacks to more than that and 64 MiB is refused.
 //! Time grows with the file. A header, or a line of names, has at most 1 MiB. Pipes are read up to
 //! [`MAX_PIPE_BYTES`] bytes; devices are not read.
 
+mod arrays;
 mod columns;
 mod content_error;
 #[cfg(any(feature = "batch", feature = "figures"))]
@@ -51,6 +54,7 @@ use std::path::Path;
 use crate::cloud::{Mesh, PointCloud};
 use crate::error::{Error, Result};
 
+pub use arrays::{NumericArray, ScoredPairs, read_array, read_correspondences, read_descriptors};
 use columns::ColumnMap;
 use content_error::{ContentError, MAX_HEADER_BYTES};
 pub use differences::Differences;
