@@ -10,6 +10,7 @@ use crate::verify::{Confidence, PoseEvidence};
 
 /// A pose that [`Consensus`] scored, and its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ScoredPose {
     /// Source into target frame.
     pub transform: Transform,
