@@ -12,7 +12,7 @@ use crate::{io, search};
 
 #[derive(Args)]
 pub(super) struct InfoCommand {
-    /// Clouds to look at
+    /// Files of clouds
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Print a JSON array instead of text
@@ -20,7 +20,7 @@ pub(super) struct InfoCommand {
     json: bool,
 }
 
-/// What is in a file.
+/// The content of a file.
 #[derive(Serialize)]
 struct CloudInfo {
     file: String,
@@ -115,7 +115,7 @@ impl CloudInfo {
 pub(super) struct ConvertCommand {
     /// Cloud to read (PLY, PCD, XYZ, TXT, CSV)
     input: PathBuf,
-    /// File to write; its extension says the format: .ply .pcd .xyz .txt .csv
+    /// File to write, in the format of its extension: .ply .pcd .xyz .txt .csv
     output: PathBuf,
     #[command(flatten)]
     thinning: Downsampling,
