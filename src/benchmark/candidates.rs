@@ -12,6 +12,7 @@ use crate::method::Consensus;
 
 /// One verified pose of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CandidateRow {
     /// The pair's set.
     pub dataset: String,

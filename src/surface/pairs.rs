@@ -10,6 +10,7 @@ const MIN_NORMAL_COSINE: f64 = 0.7;
 
 /// A source point and its nearest target point under the pose.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct SurfacePair {
     /// Weight of the pair, above 0.
     pub weight: f64,

@@ -72,6 +72,7 @@ impl fmt::Display for Decision {
 
 /// Another pose that would do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RunnerUp {
     /// Source into target frame.
     pub transform: Transform,
@@ -81,6 +82,7 @@ pub struct RunnerUp {
 
 /// Whether to take an answer, and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Verdict {
     /// The decision.
     pub decision: Decision,
