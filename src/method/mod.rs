@@ -29,6 +29,7 @@ mod solved_pose;
 mod teaser;
 mod termination;
 mod weight_graph;
+mod weight_links;
 
 pub use cache::{Cache, Cached};
 pub use catalogue::Method;
@@ -48,7 +49,7 @@ pub use registration::{Certificate, CloudCounts, PointCounts, Registration, Timi
 pub use solved_pose::SolvedPose;
 pub use teaser::Teaser;
 pub use termination::{IterationRecord, StopReason};
-pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
+pub use weight_links::{WeightBlock, WeightGraph, WeightedLink};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
