@@ -35,7 +35,7 @@ fi
 step "build, with lints"
 # As maturin builds the extension: then both share all that is compiled.
 export PYO3_BUILD_EXTENSION_MODULE=1
-cargo test --workspace --features cli --all-targets --no-run
+cargo test --workspace --features cli --no-run
 
 step "the reference's environment"
 # A failure in the background is repeated, and told, here.

@@ -51,7 +51,12 @@ fn wrong_optima_of_real_scans_are_doubted() {
     // Unoptimised, fewer.
     let step = if cfg!(debug_assertions) { 36 } else { 24 };
     let pairs = common::scans::real_pairs(&data, step, 600);
-    for name in ["icp", "plane-icp", "gicp", "kc", "cpd", "dare"] {
+    // Mixtures take most of the time, and have tests of their own.
+    let methods: &[&str] = match cfg!(debug_assertions) {
+        true => &["icp", "plane-icp", "gicp", "kc"],
+        false => &["icp", "plane-icp", "gicp", "kc", "cpd", "dare"],
+    };
+    for &name in methods {
         let method: Method = name.parse().unwrap();
         let mut tally = Tally::default();
         for (seed, pair) in pairs.iter().enumerate() {
