@@ -275,7 +275,7 @@ mod tests {
                 evidence: EVIDENCE,
                 supporting_hypotheses,
                 translation_std: Some(std),
-                margin: Some(3.0),
+                margin: Some(0.0),
             };
             VerdictModel::built_in().probability(&confidence)
         };
@@ -304,7 +304,7 @@ mod tests {
             }
         };
         assert_eq!(field(|model| model.thresholds.accept = 1.5), "accept");
-        assert_eq!(field(|model| model.thresholds.reject = 0.8), "reject");
+        assert_eq!(field(|model| model.thresholds.reject = 0.9), "reject");
         assert_eq!(field(|model| model.thresholds.ambiguous_odds = -0.1), "ambiguous_odds");
         assert_eq!(field(|model| model.answer.evidence.overlap = f64::NAN), "answer");
         assert_eq!(field(|model| model.pose.overlap = f64::INFINITY), "pose");

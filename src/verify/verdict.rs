@@ -244,16 +244,16 @@ mod tests {
         assert_eq!(decided(0.99, Some(0.95)), Decision::Ambiguous);
         // About 500 times less probable.
         assert_eq!(decided(0.9999, Some(0.95)), Decision::Accept);
-        assert_eq!(decided(0.1, Some(0.05)), Decision::Reject);
+        assert_eq!(decided(0.05, Some(0.02)), Decision::Reject);
         assert_eq!(decided(0.63, None), Decision::Uncertain);
         assert_eq!(decided(0.3, None), Decision::Uncertain);
-        assert_eq!(decided(0.29, None), Decision::Reject);
+        assert_eq!(decided(0.09, None), Decision::Reject);
         assert_eq!(decided(0.5, Some(0.9999)), Decision::Reject);
         // Probable by itself, but 500 times less so than the alternative.
         assert_eq!(decided(0.95, Some(0.9999)), Decision::Reject);
         assert_eq!(decided(f64::NAN, None), Decision::Reject);
         // No alternative that would be accepted, but both cannot be correct.
-        assert_eq!(decided(0.75, Some(0.65)), Decision::Ambiguous);
+        assert_eq!(decided(0.85, Some(0.75)), Decision::Ambiguous);
         let equal = told(0.998, Some(0.998));
         let other = equal.runner_up.unwrap().probability;
         assert!((equal.probability - 0.4995).abs() < 1e-4 && other == equal.probability);
