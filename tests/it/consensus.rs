@@ -137,7 +137,8 @@ fn the_unit_and_a_map_offset_do_not_matter() {
     let probability = |found: &Registration| found.verdict.as_ref().unwrap().probability;
     let large = of(1024.0);
     assert!(degrees(&large.transform, &one.transform) < 1e-5);
-    assert!((probability(&large) - probability(&one)).abs() < 1e-9);
+    // The margin is over the best wrong pose, and rounding may lead the search to another one.
+    assert!((probability(&large) - probability(&one)).abs() < 1e-3);
     // Others may move a point into another cube.
     assert!(degrees(&of(1000.0).transform, &one.transform) < 0.05);
     let utm = [500_000.0, 5_600_000.0, 100.0];
@@ -274,15 +275,16 @@ fn a_refinement_that_stays_with_the_pose_stays_accepted() {
     let truth =
         pairs.iter().find(|pair| pair.target.ends_with("bun090.ply")).unwrap().truth.unwrap();
     assert!(degrees(&kept.transform, &truth) < 0.5, "{}", degrees(&kept.transform, &truth));
-    // Pairs of any length draw it away, and it says so.
+    // Pairs of any length draw it away: then it is dropped, and a reason says so.
     let icp = Icp { max_distance: Some(1e3), ..icp.clone() };
     let first = Method::Consensus(Consensus::default());
     let drawn =
         Pipeline::new(first, vec![Method::Icp(Icp { metric: Metric::Plane, ..icp })]).unwrap();
     let drawn = drawn.register(&source, &target).unwrap();
-    assert!(degrees(&drawn.transform, &truth) > 5.0);
+    assert!(degrees(&drawn.transform, &truth) < 2.0);
     let verdict = drawn.verdict.as_ref().unwrap();
-    assert!(verdict.decision == Decision::Reject && !drawn.trusted, "{:?}", drawn.doubts);
+    assert!(verdict.decision == Decision::Accept && drawn.trusted, "{:?}", drawn.doubts);
+    assert!(verdict.reasons.iter().any(|reason| reason.contains("was dropped")), "{verdict}");
 }
 
 #[test]

@@ -6,7 +6,8 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
 use super::fields::{self, LasField};
-use super::header::{LasHeader, POINT_SIZES, VLR_HEADER, at, number};
+use super::header::{LasHeader, POINT_SIZES, at, number};
+use super::records::laz_record;
 use super::write::rounding_text;
 use super::{coordinate, records};
 use crate::cloud::Transform;
@@ -212,19 +213,6 @@ fn vlr(header: &LasHeader) -> Result<LazVlr, ContentError> {
     let extra = header.record_size - POINT_SIZES[usize::from(header.format)];
     let builder = LazVlrBuilder::default().with_point_format(header.format, extra as u16);
     builder.map(LazVlrBuilder::build).map_err(|error| ContentError::new(error.to_string()))
-}
-
-/// Returns the record of LASzip with its header.
-pub(super) fn laz_record(vlr: &LazVlr) -> std::io::Result<Vec<u8>> {
-    let mut content = Vec::new();
-    vlr.write_to(&mut content)?;
-    let mut record = vec![0; VLR_HEADER];
-    record[2..2 + LazVlr::USER_ID.len()].copy_from_slice(LazVlr::USER_ID.as_bytes());
-    record[18..20].copy_from_slice(&LazVlr::RECORD_ID.to_le_bytes());
-    record[20..22].copy_from_slice(&(content.len() as u16).to_le_bytes());
-    record[22..22 + LazVlr::DESCRIPTION.len()].copy_from_slice(LazVlr::DESCRIPTION.as_bytes());
-    record.extend(content);
-    Ok(record)
 }
 
 /// Returns the header and the records before the points of the file that is written.

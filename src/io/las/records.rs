@@ -8,7 +8,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 
 use laz::{LasZipDecompressor, LazItemType, LazVlr};
 
-use super::header::LasHeader;
+use super::header::{LasHeader, VLR_HEADER};
 use crate::io::content_error::ContentError;
 use crate::io::guard::guard;
 
@@ -23,6 +23,19 @@ const MAX_PACKED_SIZE: usize = 1024;
 /// Points of LAZ that a byte may hold at most: points that differ take more than a bit each.
 /// Chosen by hand.
 const MAX_POINTS_PER_BYTE: u64 = 16;
+
+/// Returns the record of LASzip with its header.
+pub(super) fn laz_record(vlr: &LazVlr) -> std::io::Result<Vec<u8>> {
+    let mut content = Vec::new();
+    vlr.write_to(&mut content)?;
+    let mut record = vec![0; VLR_HEADER];
+    record[2..2 + LazVlr::USER_ID.len()].copy_from_slice(LazVlr::USER_ID.as_bytes());
+    record[18..20].copy_from_slice(&LazVlr::RECORD_ID.to_le_bytes());
+    record[20..22].copy_from_slice(&(content.len() as u16).to_le_bytes());
+    record[22..22 + LazVlr::DESCRIPTION.len()].copy_from_slice(LazVlr::DESCRIPTION.as_bytes());
+    record.extend(content);
+    Ok(record)
+}
 
 /// Calls `use_record` with the number and the bytes of each point.
 pub(super) fn for_each<R: Read + Seek + Send + Sync>(

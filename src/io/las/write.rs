@@ -4,9 +4,9 @@ use std::io::{Seek, SeekFrom, Write};
 
 use laz::{LasZipCompressor, LazVlrBuilder};
 
-use super::apply::laz_record;
 use super::fields::{self, DESCRIPTOR, LasField, Place};
 use super::header::{POINT_SIZES, VLR_HEADER, at};
+use super::records::laz_record;
 use crate::cloud::{ColorDepth, PointCloud};
 use crate::io::apply::{Output, WriteFault};
 use crate::io::content_error::ContentError;
