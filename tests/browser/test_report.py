@@ -266,7 +266,7 @@ class Page(unittest.TestCase):
         tube("a.xyz", 6000)
         tube("b.xyz", 6000)
         np.savetxt(self.folder.path / "c.xyz", rng.random((3000, 3)) ** 2)
-        for target, words in (("b.xyz", "Not constrained in every direction"), ("c.xyz", "Do not take this pose")):
+        for target, words in (("b.xyz", "Uncertain"), ("c.xyz", "Do not take this pose")):
             run(self.folder.path, "register", "a.xyz", target, "--report", "doubted.html", codes=(1,))
             self.open("doubted.html")
             self.assertEqual(self.text("#decision"), words)
