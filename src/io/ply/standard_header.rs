@@ -53,7 +53,12 @@ fn read(content: &[u8]) -> Option<PlyHeader> {
         .collect();
     // A repeated name replaces the earlier one, and would shift every value after it.
     let kept: usize = all.iter().map(|element| element.properties.len()).sum();
-    (all.len() == elements && kept == properties).then(|| PlyHeader {
+    let is_whole = |property: &Property| match property.kind {
+        PropertyKind::List(length, _) => length.is_integer(),
+        PropertyKind::Scalar(_) => true,
+    };
+    let has_lengths = all.iter().flat_map(|element| &element.properties).all(is_whole);
+    (all.len() == elements && kept == properties && has_lengths).then(|| PlyHeader {
         encoding: match header.encoding {
             PlyEncoding::Ascii => Encoding::Ascii,
             PlyEncoding::BinaryLittleEndian => Encoding::Binary { big_endian: false },
