@@ -3,11 +3,11 @@
 
 use std::io::{Read, Seek, SeekFrom, Write};
 
-use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
+use laz::{LazVlr, LazVlrBuilder};
 
 use super::fields::{self, LasField};
 use super::header::{LasHeader, POINT_SIZES, at, number};
-use super::records::laz_record;
+use super::records::{LazPacker, laz_record};
 use super::write::rounding_text;
 use super::{coordinate, records};
 use crate::cloud::Transform;
@@ -37,12 +37,10 @@ pub(in crate::io) fn apply<R: Read + Seek + Send + Sync>(
             motion.write(&mut source, &header, &mut write)?
         }
         true => {
-            let vlr = vlr(&header)?;
-            let mut packer = LasZipCompressor::new(&mut *out, vlr)
-                .map_err(|error| ContentError::new(error.to_string()))?;
-            let mut write = |record: &[u8]| packer.compress_one(record);
+            let mut packer = LazPacker::new(&mut *out, vlr(&header)?)?;
+            let mut write = |record: &[u8]| packer.push(record);
             let bounds = motion.write(&mut source, &header, &mut write)?;
-            packer.done()?;
+            packer.finish()?;
             bounds
         }
     };

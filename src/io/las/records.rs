@@ -1,12 +1,13 @@
 //! The records of the points of LAS, and of LAZ unpacked.
 //!
-//! The crate `laz` unpacks points; headers and records are read here, so that a file is written
-//! again with all its bytes but those that move. `laz` takes sizes in the file for memory without a
-//! check and may panic on damaged data: sizes are checked here first, and a panic becomes an error.
+//! The crate `laz` packs and unpacks points; headers and records are read here, so that a file is
+//! written again with all its bytes but those that move. `laz` takes sizes in the file for memory
+//! without a check and may panic on damaged data: sizes are checked here first, and a panic becomes
+//! an error.
 
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 
-use laz::{LasZipDecompressor, LazItemType, LazVlr};
+use laz::{LasZipCompressor, LasZipDecompressor, LazItemType, LazVlr};
 
 use super::header::{LasHeader, VLR_HEADER};
 use crate::io::content_error::ContentError;
@@ -35,6 +36,30 @@ pub(super) fn laz_record(vlr: &LazVlr) -> std::io::Result<Vec<u8>> {
     record[22..22 + LazVlr::DESCRIPTION.len()].copy_from_slice(LazVlr::DESCRIPTION.as_bytes());
     record.extend(content);
     Ok(record)
+}
+
+/// Packs records as LAZ.
+pub(super) struct LazPacker<'a, W: Write + Seek + Send + Sync>(LasZipCompressor<'a, W>);
+
+impl<'a, W: Write + Seek + Send + Sync + 'a> LazPacker<'a, W> {
+    pub fn new(out: W, vlr: LazVlr) -> Result<Self, ContentError> {
+        let packer = LasZipCompressor::new(out, vlr);
+        packer.map(LazPacker).map_err(|error| ContentError::new(error.to_string()))
+    }
+
+    pub fn push(&mut self, record: &[u8]) -> std::io::Result<()> {
+        guard(|| self.0.compress_one(record)).unwrap_or_else(cannot_pack)
+    }
+
+    pub fn finish(mut self) -> std::io::Result<()> {
+        guard(|| self.0.done()).unwrap_or_else(cannot_pack)
+    }
+}
+
+/// Tells a panic of `laz`: it subtracts times of arbitrary bits, which overflow where that is checked.
+fn cannot_pack(what: String) -> std::io::Result<()> {
+    let what = format!("the points cannot be packed ({what}): write LAS instead of LAZ");
+    Err(std::io::Error::other(what))
 }
 
 /// Calls `use_record` with the number and the bytes of each point.
@@ -204,4 +229,39 @@ fn check_layers<R: Read + Seek>(
         (at, points) = (next, points + count);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use laz::LazVlrBuilder;
+
+    use super::*;
+
+    /// Differences of times of arbitrary bits wrap around, and come back.
+    #[test]
+    fn times_of_any_bits_are_packed() {
+        let vlr = || LazVlrBuilder::default().with_point_format(1, 0).unwrap().build();
+        let times = [0, i64::MIN, i64::MAX, -1, 1 << 40, i64::MIN + 1, 0x7ff0_0000_0000_0000];
+        let mut records = Vec::new();
+        for time in times.into_iter().cycle().take(50) {
+            records.extend([0; 20]);
+            records.extend(time.to_le_bytes());
+        }
+        let mut packed = Cursor::new(Vec::new());
+        let mut packer = LazPacker::new(&mut packed, vlr()).unwrap();
+        records.chunks_exact(28).for_each(|record| packer.push(record).unwrap());
+        packer.finish().unwrap();
+        packed.set_position(0);
+        let mut unpacked = vec![0; records.len()];
+        LasZipDecompressor::new(packed, vlr()).unwrap().decompress_many(&mut unpacked).unwrap();
+        assert_eq!(unpacked, records);
+    }
+
+    #[test]
+    fn panics_of_the_packer_are_told() {
+        let what = cannot_pack("attempt to subtract".into()).unwrap_err().to_string();
+        assert!(what.contains("attempt to subtract") && what.contains("write LAS"), "{what}");
+    }
 }

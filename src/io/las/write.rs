@@ -2,11 +2,11 @@
 
 use std::io::{Seek, SeekFrom, Write};
 
-use laz::{LasZipCompressor, LazVlrBuilder};
+use laz::LazVlrBuilder;
 
 use super::fields::{self, DESCRIPTOR, LasField, Place};
 use super::header::{POINT_SIZES, VLR_HEADER, at};
-use super::records::laz_record;
+use super::records::{LazPacker, laz_record};
 use crate::cloud::{ColorDepth, PointCloud};
 use crate::io::apply::{Output, WriteFault};
 use crate::io::content_error::ContentError;
@@ -253,10 +253,9 @@ pub(in crate::io) fn write(
         })
     };
     if is_laz {
-        let mut packer = LasZipCompressor::new(&mut *out, vlr)
-            .map_err(|error| ContentError::new(error.to_string()))?;
-        each(&mut |record| packer.compress_one(record))?;
-        packer.done()?;
+        let mut packer = LazPacker::new(&mut *out, vlr)?;
+        each(&mut |record| packer.push(record))?;
+        packer.finish()?;
     } else {
         each(&mut |record| out.write_all(record))?;
     }
