@@ -50,8 +50,8 @@ POSE_RIDGE, ANSWER_RIDGE = 3.0, 1.0
 answers. Chosen by hand among 0.1, 1, 3: sources left out are ranked alike."""
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
 NO_SENSOR = {"stanford_bunny", "stanford_dragon_stand", "stanford_happy_stand", "stanford_armadillo_simulated"}
-"""Where the zero of the files is not where the sensor stood, whatever the benchmark was told: these
-rows do not fit the coefficient of free space."""
+"""Sources whose sensor was not at the zero of the files, whatever the benchmark was told: their rows do
+not fit the coefficient of free space."""
 
 
 def source_of(file):

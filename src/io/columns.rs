@@ -211,8 +211,8 @@ impl ColumnMap {
     }
 
     /// Finds the columns by their names; a normal counts when all three of its columns are present.
-    /// Where no column has the plain name of a slot, the names of surveyors and other programs
-    /// stand for it ([`slot_by_alias`]). Other columns are extras, each under a unique channel
+    /// The names of surveyors and other programs stand for a slot ([`slot_by_alias`]) if no column has
+    /// its plain name. Other columns are extras, each under a unique channel
     /// name; columns called `None` have no single number. The error names a missing or a repeated
     /// column.
     pub fn from_names<'a>(

@@ -9,17 +9,10 @@ use crate::normals::OrientedBy;
 use crate::par;
 use crate::visibility::ViewpointEstimates;
 
-/// Largest visibility cost ([`OrientedSample::visibility_cost`]) of the origin of a frame that is
-/// taken as the viewpoint, as in [`Consensus`](super::Consensus): 28 depth frames have 0.07 to 0.19
-/// there; of random positions around them 15 % have less.
-///
-/// [`OrientedSample::visibility_cost`]: crate::visibility::OrientedSample::visibility_cost
-const MAX_ORIGIN_COST: f64 = 0.2;
-
 /// A viewpoint in the cloud's own frame, and its source.
 pub(super) type ChosenViewpoint = (Vec3, OrientedBy);
 
-/// What a cloud says about its viewpoint.
+/// The known viewpoint of a cloud, or estimates of it.
 struct ViewpointEvidence {
     /// The viewpoint of the cloud or the plausible origin of its frame.
     known: Option<ChosenViewpoint>,
@@ -45,8 +38,7 @@ impl ViewpointEvidence {
         }
         let sample = ViewpointSample::new(cloud, spacing)?;
         let (origin, local) = (cloud.frame_origin(), cloud.origin());
-        let cost = sample.oriented_sample().visibility_cost(math::sub(origin, local));
-        if cost < MAX_ORIGIN_COST {
+        if sample.may_be_viewpoint(math::sub(origin, local)) {
             return Ok(known(origin, OrientedBy::FrameOrigin));
         }
         let found =

@@ -27,6 +27,9 @@ pub(crate) use similarity::refine_with_scale;
 
 /// Distance within which surfaces overlap, in voxels. Chosen by hand.
 pub(crate) const INLIER_DISTANCE: f64 = 1.5;
+/// Smallest cosine of the angle between normals of surfaces that face the same way: 45 degrees.
+/// Chosen by hand.
+pub(crate) const MIN_NORMAL_COSINE: f64 = 0.7;
 /// Largest distance of the search for a surface, in voxels. Chosen by hand.
 pub(crate) const SEARCH_RADIUS: f64 = 2.0 * INLIER_DISTANCE;
 
@@ -89,6 +92,13 @@ impl Surface {
     pub(crate) fn nearest(&self, place: Vec3) -> Option<Neighbor> {
         let place = place.map(|x| x as f32);
         self.index.occupancy.may_contain(&place).then(|| self.index.tree.nearest(&place))
+    }
+
+    /// Finds the point nearest to `place`; `None` if it is not nearer than `max_distance`, at most the
+    /// radius of the index.
+    pub(crate) fn nearest_within(&self, place: Vec3, max_distance: f64) -> Option<Neighbor> {
+        let square = max_distance * max_distance;
+        self.nearest(place).filter(|near| f64::from(near.squared_distance) < square)
     }
 
     /// Returns the numbers of the points in the cube of side [`INLIER_DISTANCE`] voxels that

@@ -1,12 +1,8 @@
 //! Pairs of points of two surfaces that overlap under a pose.
 
-use super::Surface;
+use super::{MIN_NORMAL_COSINE, Surface};
 use crate::cloud::Transform;
 use crate::math::{self, Vec3};
-
-/// Cosine of the angle between normals, regardless of their sign, above which points are paired: 45
-/// degrees. Chosen by hand.
-const MIN_NORMAL_COSINE: f64 = 0.7;
 
 /// A source point and its nearest target point under the pose.
 #[derive(Debug, Clone, Copy)]

@@ -6,11 +6,8 @@ use super::surface_conflict::ConflictCounts;
 use super::surface_patches::SurfacePatches;
 use crate::cloud::Transform;
 use crate::math;
-use crate::surface::{INLIER_DISTANCE, Surface};
+use crate::surface::{INLIER_DISTANCE, MIN_NORMAL_COSINE, Surface};
 
-/// Smallest cosine of the angle between normals of surfaces that face the same way: 45 degrees.
-/// Chosen by hand.
-const MIN_NORMAL_COSINE: f64 = 0.7;
 /// Distance in front of a seen surface from which on a point violates free space, in voxels. Chosen
 /// by hand.
 const MIN_CLEARANCE: f64 = 3.0;
@@ -136,10 +133,7 @@ fn score_direction(
             sums.observed_points += 1;
             sums.violating_points += usize::from(clearance > MIN_CLEARANCE * voxel_size);
         }
-        let near = onto
-            .nearest(point)
-            .filter(|near| f64::from(near.squared_distance) < max_distance * max_distance);
-        let Some(near) = near else {
+        let Some(near) = onto.nearest_within(point, max_distance) else {
             sums.conflict.add_missing(onto, point, own, voxel_size);
             continue;
         };

@@ -33,7 +33,7 @@ use super::{check_writable, read, write};
 use crate::cloud::Transform;
 use crate::error::Result;
 
-/// What came of moving a file.
+/// The outcome of moving a file.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Moved {

@@ -68,7 +68,7 @@ pub(super) fn apply(
     Ok(moved)
 }
 
-/// Where the fields stand in a row.
+/// The places of the fields in a row.
 struct Fields {
     /// Byte and type of each slot.
     slots: [Option<(usize, Scalar)>; 6],

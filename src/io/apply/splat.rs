@@ -9,7 +9,7 @@ use crate::cloud::Transform;
 use crate::io::apply::quaternion::{from_rotation, multiply};
 use crate::math::{self, Vec3};
 
-/// Where the numbers of a splat stand among the columns of its row.
+/// The columns of the numbers of a splat.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SplatColumns {
     /// rot_0 to rot_3: w, x, y, z.

@@ -56,7 +56,7 @@ pub(super) fn names_of(scans: &[&Scan]) -> Result<(Vec<String>, Vec<ColumnKind>)
     Ok((names, kinds))
 }
 
-/// Where the fields of a scan stand in its points, by column.
+/// The fields of a scan, by column.
 pub(super) struct ScanColumns {
     /// Field, scale and offset of each column; no field where the scan lacks it.
     fields: Vec<Option<(usize, f64, f64)>>,

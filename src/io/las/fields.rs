@@ -3,7 +3,7 @@
 use super::header::{LasHeader, POINT_SIZES, number};
 use crate::io::scalar::Scalar;
 
-/// Where the number of a field stands in the record of a point.
+/// The place of a field in the record of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Place {
     Number(Scalar),

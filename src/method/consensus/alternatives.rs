@@ -4,12 +4,12 @@
 //! not find them all: a corridor, stairs, racks, a gear, a box. Before a pose is accepted, the poses
 //! that such shapes would have are tried on the surfaces.
 
-use super::trial::{LocalScoredPose, ViewpointTrial, sort_by_odds};
-use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
+use super::trial::{LocalScoredPose, ViewpointTrial, distinct_poses, sort_by_odds};
+use super::{COARSE_REFINEMENT, Consensus, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::math::{self, Mat3, Vec3};
 use crate::par;
-use crate::surface::{INLIER_DISTANCE, Surface, refine};
+use crate::surface::{INLIER_DISTANCE, MIN_NORMAL_COSINE, Surface, refine};
 
 /// Number of points on which a proposed pose is first tried. Chosen by hand.
 const QUICK_POINTS: usize = 120;
@@ -43,8 +43,6 @@ const REFINED_ROUND: usize = 4;
 const DISTINCT_ALTERNATIVE: f64 = 2.5;
 /// Absolute cosine of the angle from which on two axes are one. Chosen by hand.
 const SAME_AXIS: f64 = 0.98;
-/// Smallest cosine of the angle between normals of overlapping points: 45 degrees. Chosen by hand.
-const MIN_NORMAL_COSINE: f64 = 0.7;
 
 /// Axes and centres about which what overlaps may be symmetric.
 struct OverlapFrame {
@@ -67,10 +65,8 @@ impl OverlapFrame {
             .step_by(step)
             .map(|i| (pose.apply(source.point(i)), pose.rotate(source.normal(i))))
             .collect();
-        let max = (INLIER_DISTANCE * voxel_size).powi(2);
-        let overlaps = |point: Vec3| {
-            target.nearest(point).is_some_and(|near| f64::from(near.squared_distance) < max)
-        };
+        let max_distance = INLIER_DISTANCE * voxel_size;
+        let overlaps = |point: Vec3| target.nearest_within(point, max_distance).is_some();
         let on: Vec<&(Vec3, Vec3)> = all.iter().filter(|(point, _)| overlaps(*point)).collect();
         if on.len() < 3 {
             return None;
@@ -118,35 +114,26 @@ impl OverlapFrame {
 
 /// Σ v vᵀ.
 fn scatter(vectors: impl Iterator<Item = Vec3>) -> Mat3 {
-    let mut sum = [[0.0; 3]; 3];
-    for v in vectors {
-        for a in 0..3 {
-            for b in 0..3 {
-                sum[a][b] += v[a] * v[b];
-            }
-        }
-    }
-    sum
+    vectors.fold([[0.0; 3]; 3], |sum, v| {
+        let product = math::outer(v, v);
+        std::array::from_fn(|a| math::add(sum[a], product[a]))
+    })
 }
 
 /// The point of a line along `axis` to which the normals of `all` points are nearest in the mean of
 /// squares; `None` if they do not determine it.
 fn hub(all: &[(Vec3, Vec3)], axis: Vec3, near: Vec3) -> Option<Vec3> {
     // (n × (p − c)) · axis = 0, that is (axis × n) · (p − c) = 0.
-    let (mut sum, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
-    let mut weight = 0.0;
+    let row = |normal: Vec3| math::cross(axis, normal);
+    let (mut right, mut weight) = ([0.0; 3], 0.0);
     for (point, normal) in all {
-        let row = math::cross(axis, *normal);
+        let row = row(*normal);
         let offset = math::dot(row, math::sub(*point, near));
-        for a in 0..3 {
-            for b in 0..3 {
-                sum[a][b] += row[a] * row[b];
-            }
-            right[a] += row[a] * offset;
-        }
+        right = math::add(right, math::scaled(row, offset));
         weight += math::dot(row, row);
     }
-    let (values, vectors) = math::eigen::symmetric(&sum);
+    let (values, vectors) =
+        math::eigen::symmetric(&scatter(all.iter().map(|(_, normal)| row(*normal))));
     // The axis itself is the direction of the smallest value.
     if values[1] < 0.1 * weight || weight < 0.05 * all.len() as f64 {
         return None;
@@ -164,13 +151,11 @@ fn turn(axis: Vec3, center: Vec3, degrees: f64) -> Transform {
 /// Share of some points of the source that are on the target and face the same way.
 fn quick_overlap([source, target]: [&Surface; 2], pose: &Transform, voxel_size: f64) -> f64 {
     let step = source.len().div_ceil(QUICK_POINTS).max(1);
-    let max = (INLIER_DISTANCE * voxel_size).powi(2);
     let on = (0..source.len()).step_by(step).filter(|&i| {
-        let near = target.nearest(pose.apply(source.point(i)));
+        let near = target.nearest_within(pose.apply(source.point(i)), INLIER_DISTANCE * voxel_size);
         near.is_some_and(|near| {
             let normals = [pose.rotate(source.normal(i)), target.normal(near.index as usize)];
-            f64::from(near.squared_distance) < max
-                && math::dot(normals[0], normals[1]) > MIN_NORMAL_COSINE
+            math::dot(normals[0], normals[1]) > MIN_NORMAL_COSINE
         })
     });
     on.count() as f64 / source.len().div_ceil(step) as f64
@@ -205,7 +190,7 @@ impl Consensus {
             (0..proposed.len()).filter(|&i| overlaps[i] >= MIN_OVERLAP_SHARE * own).collect();
         order.sort_by(|&a, &b| overlaps[b].total_cmp(&overlaps[a]).then(a.cmp(&b)));
         let ranked = order.iter().map(|&i| proposed[i]);
-        let mut distinct = self.distinct(ranked, &probes, REFINED_ALTERNATIVES, voxel_size);
+        let mut distinct = distinct_poses(ranked, &probes, REFINED_ALTERNATIVES, voxel_size);
         for (k, &(axis, center)) in turns.iter().enumerate() {
             let kept = &overlaps[k * TURNS.len()..][..TURNS.len()];
             let keeping = kept.iter().filter(|&&kept| kept >= ROUND_SHARE * own).count();
@@ -217,7 +202,7 @@ impl Consensus {
                     par::map(proposed.len(), || (), |_, i| trial.score(&proposed[i], self));
                 sort_by_odds(&mut scored);
                 let ranked = scored.iter().map(|scored| scored.pose);
-                distinct.extend(self.distinct(ranked, &probes, REFINED_ROUND, voxel_size));
+                distinct.extend(distinct_poses(ranked, &probes, REFINED_ROUND, voxel_size));
             }
         }
         let max_distance = INLIER_DISTANCE * voxel_size;
@@ -231,25 +216,5 @@ impl Consensus {
         });
         sort_by_odds(&mut found);
         found
-    }
-
-    /// Returns the first `most` poses that differ from each other.
-    fn distinct(
-        &self,
-        poses: impl Iterator<Item = Transform>,
-        probes: &[Vec3],
-        most: usize,
-        voxel_size: f64,
-    ) -> Vec<Transform> {
-        let mut distinct: Vec<Transform> = Vec::new();
-        for pose in poses {
-            let near = |other: &Transform| {
-                mean_displacement(other, &pose, probes) <= DUPLICATE_POSE * voxel_size
-            };
-            if distinct.len() < most && !distinct.iter().any(near) {
-                distinct.push(pose);
-            }
-        }
-        distinct
     }
 }

@@ -23,12 +23,6 @@ use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 const NORMAL_NEIGHBORS: usize = 20;
 /// Number of nearest points for a descriptor. Chosen by hand.
 const DESCRIPTOR_NEIGHBORS: usize = 100;
-/// Largest visibility cost ([`OrientedSample::visibility_cost`]) of the origin of a frame that is
-/// tried as the viewpoint: 28 depth frames have 0.07 to 0.19 there; of random positions around them
-/// 15 % have less. These cost the time of a trial: a pose ends the search only with high
-/// confidence.
-const MAX_ORIGIN_COST: f64 = 0.2;
-
 /// Absolute cosine of the angle between an estimated normal and the cloud's own from which on the
 /// latter tells the side: 60 degrees. Chosen by hand.
 const MIN_STORED_COSINE: f32 = 0.5;
@@ -123,8 +117,10 @@ impl<'a> Scan<'a> {
         }
         let origin = whole.frame_origin();
         let local = math::sub(origin, self.downsampled.cloud.origin());
-        let against = self.downsampled.viewpoint_sample()?.oriented_sample().visibility_cost(local);
-        Ok((against < MAX_ORIGIN_COST)
+        Ok(self
+            .downsampled
+            .viewpoint_sample()?
+            .may_be_viewpoint(local)
             .then_some(ViewpointHypothesis::Known(origin, OrientedBy::FrameOrigin)))
     }
 

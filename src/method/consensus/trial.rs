@@ -8,6 +8,7 @@ use super::scan::{Scan, ViewpointHypothesis, append_channels};
 use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
 use crate::cloud::Transform;
 use crate::error::Result;
+use crate::math::Vec3;
 use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
@@ -189,15 +190,8 @@ impl Consensus {
     ) -> Vec<LocalScoredPose> {
         let length = matches.voxel_size;
         let probes = probe_points(ends[0]);
-        let mut distinct: Vec<Transform> = Vec::new();
-        for hypothesis in hypotheses {
-            let new = |pose: &Transform| {
-                mean_displacement(pose, &hypothesis.pose, &probes) > DUPLICATE_POSE * length
-            };
-            if distinct.iter().all(new) {
-                distinct.push(hypothesis.pose);
-            }
-        }
+        let poses = hypotheses.iter().map(|hypothesis| hypothesis.pose);
+        let distinct = distinct_poses(poses, &probes, usize::MAX, length);
         let glance = |pose: &Transform| score_pose(ends, matches, pose, GLANCE, self);
         let refined = |pose: &Transform| {
             let max_distance = INLIER_DISTANCE * length;
@@ -229,6 +223,28 @@ fn estimate_viewpoints(
         par::join_pair(scans.each_ref(), |scan| scan.estimate_viewpoints())
     })?;
     Ok(*known.insert(found))
+}
+
+/// Returns the first `most` poses that are no duplicates of each other.
+pub(super) fn distinct_poses(
+    poses: impl Iterator<Item = Transform>,
+    probes: &[Vec3],
+    most: usize,
+    voxel_size: f64,
+) -> Vec<Transform> {
+    let mut distinct: Vec<Transform> = Vec::new();
+    for pose in poses {
+        let is_new = |other: &Transform| {
+            mean_displacement(other, &pose, probes) > DUPLICATE_POSE * voxel_size
+        };
+        if distinct.iter().all(is_new) {
+            distinct.push(pose);
+            if distinct.len() == most {
+                break;
+            }
+        }
+    }
+    distinct
 }
 
 /// Sorts the most probable first.

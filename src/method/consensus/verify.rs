@@ -221,25 +221,26 @@ impl ConsensusSearch<'_> {
 
     /// Returns the log odds of `pose` minus those of the best pose of the search that differs.
     fn margin(&self, pose: &Transform, evidence: &Evidence) -> Option<f64> {
-        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
-        let others = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
-        let best = others
-            .filter(|other| {
-                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
-            })
-            .map(|other| other.log_odds)
-            .max_by(f64::total_cmp);
+        let best = self.other_poses(pose).map(|other| other.log_odds).max_by(f64::total_cmp);
         best.map(|best| self.config.pose_log_odds(evidence) - best)
     }
 
     /// Counts the refined hypotheses that converged to `pose`.
     fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
-        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
         let all = self.trials.iter().flat_map(|trial| &trial.candidates);
-        all.filter(|other| {
-            mean_displacement(&other.pose, pose, &probes) <= DUPLICATE_POSE * self.voxel_size
-        })
-        .count()
+        all.filter(|other| !self.is_apart(&other.pose, pose, DUPLICATE_POSE)).count()
+    }
+
+    /// Returns whether the mean displacement between two poses is above `voxels` voxel sizes.
+    fn is_apart(&self, a: &Transform, b: &Transform, voxels: f64) -> bool {
+        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
+        mean_displacement(a, b, &probes) > voxels * self.voxel_size
+    }
+
+    /// Returns the poses of the search that differ from `pose`.
+    fn other_poses<'a>(&'a self, pose: &'a Transform) -> impl Iterator<Item = &'a LocalScoredPose> {
+        let all = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
+        all.filter(|other| self.is_apart(&other.pose, pose, DISTINCT_POSE))
     }
 
     /// Estimates the covariance of `pose`, if the pose is correct.
@@ -255,8 +256,7 @@ impl ConsensusSearch<'_> {
 
     /// Returns whether a proposed pose has an optimum of its own beside `pose`.
     fn is_alternative(&self, other: &LocalScoredPose, pose: &Transform) -> bool {
-        let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
-        mean_displacement(&other.pose, pose, &probes) > MAX_REFINE_SHIFT * self.voxel_size
+        self.is_apart(&other.pose, pose, MAX_REFINE_SHIFT)
     }
 
     /// Returns the most probable of the poses of the search and the `alternatives` that differs from
@@ -270,18 +270,13 @@ impl ConsensusSearch<'_> {
     ) -> Option<RunnerUp> {
         let model = self.config.verdict_model();
         let [from, onto] = &self.trials[self.best_trial].surfaces;
-        let probes = probe_points(from);
-        let found = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
+        let found = self.other_poses(pose);
         let found = found.map(|other| (other, self.count_supporting_hypotheses(&other.pose)));
-        let proposed = alternatives.iter().map(|other| (other, confidence.supporting_hypotheses));
+        let proposed = alternatives.iter().filter(|other| self.is_alternative(other, pose));
+        let proposed = proposed.map(|other| (other, confidence.supporting_hypotheses));
         let ranked = self.config.pose_log_odds(&confidence.evidence);
-        found
-            .filter(|(other, _)| {
-                mean_displacement(&other.pose, pose, &probes) > DISTINCT_POSE * self.voxel_size
-            })
-            .chain(proposed.filter(|(other, _)| self.is_alternative(other, pose)))
-            .max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds))
-            .map(|(other, supporting_hypotheses)| {
+        found.chain(proposed).max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds)).map(
+            |(other, supporting_hypotheses)| {
                 let evidence = other.evidence;
                 let margin = Some(other.log_odds - ranked);
                 let confidence =
@@ -290,6 +285,7 @@ impl ConsensusSearch<'_> {
                     transform: to_cloud_frames(&other.pose, from, onto),
                     probability: model.probability(&confidence),
                 }
-            })
+            },
+        )
     }
 }
