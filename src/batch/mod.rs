@@ -18,7 +18,6 @@ mod journal;
 mod list;
 mod output;
 mod pairing;
-mod panic_hook;
 #[cfg(feature = "parquet")]
 mod parquet;
 pub mod results;
@@ -37,11 +36,11 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::{Value, json};
 
+pub use crate::par::install_panic_hook;
 pub use columns::Column;
 pub use graph::RowGraph;
 pub use list::PairList;
 pub use pairing::{radius_pairs, sequential_pairs};
-pub use panic_hook::install_panic_hook;
 pub use row::Row;
 pub(crate) use row::symmetric_from_triangle;
 pub use scan_positions::ScanPositions;
@@ -364,8 +363,8 @@ impl<'a> Batch<'a> {
                 (error, _) => Err(error.to_string()),
             })
         });
-        let found = catch_unwind(guarded)
-            .unwrap_or_else(|panic| Err(panic_hook::panic_message(panic.as_ref())));
+        let found =
+            catch_unwind(guarded).unwrap_or_else(|panic| Err(par::panic_message(panic.as_ref())));
         if watch.finish(index) {
             return None;
         }

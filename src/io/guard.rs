@@ -1,13 +1,10 @@
 //! A guard around crates that read formats: their panics on damaged files become errors.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use crate::par;
 
-/// Runs work of another crate; a panic becomes its message.
+/// Runs work of another crate; a panic becomes its message, and is not printed.
 pub(super) fn guard<T>(work: impl FnOnce() -> T) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
-        let text = panic.downcast_ref::<String>().map(String::as_str);
-        text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic").to_string()
-    })
+    par::catch_panic(work).map_err(|panic| par::panic_text(panic.as_ref()).to_string())
 }
 
 #[cfg(test)]

@@ -27,9 +27,10 @@ use serde_json::Value;
 use self::footer::{Footer, LeafColumn, PhysicalType};
 use self::pages::Pages;
 pub(super) use self::write::write;
-use super::{Row, panic_hook};
+use super::Row;
 use crate::error::{Error, Result};
 use crate::io::limited_file::MemoryBudget;
+use crate::par;
 
 /// Metadata key of the run's inputs.
 const METADATA_KEY: &str = "cfreg";
@@ -110,7 +111,7 @@ fn with_open_file<T>(path: &Path, work: impl FnOnce(UnreadFile<'_>) -> Result<T>
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, what)));
     }
     let file = File::open(path).map_err(failed)?;
-    panic_hook::catch_panic(|| work(UnreadFile { path, file, size: facts.len() }))
+    par::catch_panic(|| work(UnreadFile { path, file, size: facts.len() }))
         .unwrap_or_else(|_| Err(unreadable_error(path, "the decoder fails on it".into())))
 }
 

@@ -1,4 +1,5 @@
-//! Panics within a pair: bugs, which fail that pair and nothing else.
+//! Panics that become errors: of a pair of `batch`, which fail that pair and nothing else, and of
+//! crates that read damaged files.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -6,7 +7,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::par;
+use super::in_worker;
 
 thread_local! {
     /// Location of the last panic of this thread.
@@ -38,7 +39,7 @@ fn install_once() {
             if IS_SILENT.get() {
                 return;
             }
-            match par::in_worker() && RECORD_IN_ROWS.load(Ordering::Relaxed) {
+            match in_worker() && RECORD_IN_ROWS.load(Ordering::Relaxed) {
                 true => PANIC_LOCATION.set(panic.location().map(ToString::to_string)),
                 false => others(panic),
             }
@@ -46,19 +47,24 @@ fn install_once() {
     });
 }
 
-/// Returns the result of `work`, or an error if it panicked; nothing is printed.
-pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, ()> {
+/// Returns the result of `work`, or its panic; nothing is printed.
+pub(crate) fn catch_panic<T>(work: impl FnOnce() -> T) -> std::thread::Result<T> {
     install_once();
     let before = IS_SILENT.replace(true);
     let found = panic::catch_unwind(AssertUnwindSafe(work));
     IS_SILENT.set(before);
-    found.map_err(drop)
+    found
 }
 
-/// Returns the message of a panic of this thread.
-pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
+/// Returns the text of a panic.
+pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
+}
+
+/// Returns the message of a panic of this thread, with its place if that was recorded.
+pub(crate) fn panic_message(panic: &(dyn Any + Send)) -> String {
+    let text = panic_text(panic);
     let place = PANIC_LOCATION.take().map(|place| format!(" ({place})")).unwrap_or_default();
     format!("a bug, please report it: {text}{place}")
 }
