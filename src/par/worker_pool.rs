@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
+use super::loops::install;
 use super::threads::{IS_WORKER, check_threads};
 use crate::error::{Error, Result};
 
@@ -57,7 +58,7 @@ pub fn worker_pool<I: Send, T: Send>(
             Err(error) => return drop(give.send(Err(error.to_string()))),
         };
         while let Some(item) = next() {
-            if give.send(Ok(pool.install(|| work(item)))).is_err() {
+            if give.send(Ok(install(&pool, || work(item)))).is_err() {
                 break;
             }
         }
