@@ -253,7 +253,8 @@ impl ColumnMap {
 
     /// Returns whether `column` is a coordinate or a part of a normal.
     pub fn fills_slot(&self, column: usize) -> bool {
-        self.uses.iter().any(|&(own, use_)| own == column && matches!(use_, Use::Slot(_)))
+        let at = self.uses.binary_search_by_key(&column, |&(own, _)| own);
+        at.is_ok_and(|at| matches!(self.uses[at].1, Use::Slot(_)))
     }
 
     /// Sets the kind of each extra column to `kind` of its name and column.

@@ -6,6 +6,7 @@ pub(super) mod header;
 pub(super) mod splat;
 pub(super) mod standard_header;
 
+use std::collections::HashSet;
 use std::io::{self, Write};
 
 use self::body::{PlyBody, Row, RowPlan};
@@ -96,18 +97,19 @@ impl<'a> Vertices<'a> {
         }
         let mut differences = Differences::default();
         let mut names: Vec<Option<&str>> = Vec::new();
+        let (mut slots, mut taken) = ([false; 6], HashSet::new());
         for property in properties {
             let name = property.name.as_str();
-            let repeats = |earlier: &Option<&str>| match (slot(name), earlier) {
-                (Some(own), Some(earlier)) => slot(earlier) == Some(own),
-                (_, earlier) => *earlier == Some(name),
-            };
             let is_scalar = matches!(property.kind, PropertyKind::Scalar(_));
-            let is_new = !names.iter().any(repeats);
+            let is_new = is_scalar
+                && match slot(name) {
+                    Some(slot) => !std::mem::replace(&mut slots[slot], true),
+                    None => taken.insert(name),
+                };
             if is_scalar && !is_new {
                 differences.leave_out(format!("the second {}", truncate_name(name)));
             }
-            names.push((is_scalar && is_new).then_some(name));
+            names.push(is_new.then_some(name));
         }
         splat::leave_out_shape(&mut names, &mut differences);
         let columns = ColumnMap::from_names(names.iter().copied())
