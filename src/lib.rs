@@ -42,6 +42,9 @@
 //! module `figure`, `benchmark` the module of that name, `report` pages of results, and `cli` the
 //! command line with all of these.
 #![warn(missing_docs)]
+// Helpers of optional parts are compiled in every build: a gate at each would have to follow all who
+// call it.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports, unused_mut))]
 
 #[cfg(feature = "batch")]
 pub mod batch;

@@ -18,7 +18,6 @@ pub(crate) const MAX_STREAM_BYTES: u64 = 64 << 20;
 pub(crate) const MAX_RECORD_BYTES: usize = 16 << 20;
 /// Most bytes of one JSON document. Chosen by hand: `cfreg register --json` prints some
 /// kilobytes, with a trace some megabytes.
-#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
 /// Bytes of memory for each byte of a file. Chosen by hand, the same factor as for clouds.
 const MEMORY_FACTOR: u64 = 10;
@@ -98,7 +97,6 @@ pub(crate) fn read_bytes(path: &Path, most: u64, what: &str) -> Result<Vec<u8>> 
 ///
 /// # Errors
 /// As [`bytes`], and [`Error::Parse`] for text that is not UTF-8.
-#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
     String::from_utf8(read_bytes(path, most, what)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
@@ -110,7 +108,6 @@ pub(crate) fn read_text(path: &Path, most: u64, what: &str) -> Result<String> {
 ///
 /// # Errors
 /// Read errors, and a line of more than [`MAX_RECORD_BYTES`] bytes.
-#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();
     reader.take(MAX_RECORD_BYTES as u64 + 1).read_until(b'\n', line)?;
@@ -134,7 +131,6 @@ pub(crate) fn mebibytes(bytes: u64) -> String {
 
 /// Peak memory of a growing list, relative to its size: capacity doubles, and both copies exist
 /// during the move.
-#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) const GROWTH_FACTOR: usize = 3;
 
 /// The memory budget for the content of a file.
@@ -189,7 +185,7 @@ mod tests {
         assert!(read_bytes(&path, 8, "it").unwrap_err().to_string().contains("it is short"));
     }
 
-    #[cfg(all(unix, any(feature = "batch", feature = "figures")))]
+    #[cfg(unix)]
     #[test]
     fn a_stream_without_end_is_refused() {
         let said = read_text(Path::new("/dev/zero"), u64::MAX - 1, "it").unwrap_err().to_string();

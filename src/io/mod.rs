@@ -37,7 +37,7 @@ mod bin;
 mod cells;
 mod columns;
 mod content_error;
-#[cfg(any(feature = "batch", feature = "figures"))]
+#[cfg(feature = "batch")]
 mod csv_reader;
 mod differences;
 #[cfg(feature = "formats")]
@@ -81,6 +81,9 @@ use crate::error::{Error, Result};
 
 pub use apply::{Moved, apply, check_applicable};
 use content_error::MAX_HEADER_BYTES;
+pub(crate) use content_error::{quote_start, truncate_message};
+#[cfg(feature = "batch")]
+pub(crate) use csv_reader::CsvReader;
 pub use differences::Differences;
 pub use format::Format;
 use layout::FieldLayout;
@@ -88,11 +91,6 @@ pub use load::MAX_PIPE_BYTES;
 pub use pose::{read_transform, write_transform};
 pub use pose_format::{PoseFormat, write_pose};
 pub use read::{read, read_mesh, read_with_differences};
-#[cfg(any(feature = "batch", feature = "figures"))]
-pub(crate) use {
-    content_error::{quote_start, truncate_message},
-    csv_reader::CsvReader,
-};
 
 /// Writes a cloud: `.ply`, `.pcd` and `.npy` in binary, `.xyz`, `.txt` and `.pts` as text with
 /// spaces, `.csv` with commas, and with the feature `formats` `.las`, `.laz` and `.e57`. An existing file is replaced only once all is written.
@@ -188,7 +186,6 @@ fn layout<'a>(path: &Path, cloud: &'a PointCloud) -> Result<FieldLayout<'a>> {
 ///
 /// # Errors
 /// [`Error::Io`] when the system refuses; an existing file is then unchanged.
-#[cfg(any(feature = "batch", feature = "figures"))]
 pub(crate) fn write_bytes(path: &Path, content: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(content))
 }
