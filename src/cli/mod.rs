@@ -9,6 +9,7 @@ mod benchmark;
 mod clouds;
 mod demo;
 mod evaluate;
+mod given;
 mod graph;
 mod input;
 mod options;

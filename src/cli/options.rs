@@ -9,7 +9,7 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::method::{Consensus, Method, Pipeline};
+use crate::method::{Consensus, GivenDescriptors, Method, Pipeline};
 use crate::pose::{Prior, RotationBound, ScaleEstimate, Solver};
 use crate::verify::VerdictModel;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -250,6 +250,19 @@ impl MethodOptions {
         // As text, as beta: NaN is to be refused and not to vanish.
         options.set.insert(0, format!("voxel={voxel}"));
         Ok((options.chain()?, Downsampling { voxel: None, ..*thinning }))
+    }
+
+    /// [`with_voxel`](Self::with_voxel) with this use of the descriptors that the clouds carry.
+    pub(super) fn with_given(
+        &self,
+        thinning: &Downsampling,
+        given: Option<GivenDescriptors>,
+    ) -> Result<(Pipeline, Downsampling)> {
+        let mut options = self.clone();
+        if let Some(given) = given {
+            options.set.insert(0, format!("given_descriptors={given}"));
+        }
+        options.with_voxel(thinning)
     }
 
     /// The same for pairs that run beside each other: refinements may stand after `+` in

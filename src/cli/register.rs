@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::given::GivenOptions;
 use super::options::MethodOptions;
 use super::report_options::ReportOptions;
 use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
@@ -25,6 +26,8 @@ pub(super) struct RegisterCommand {
     target: PathBuf,
     #[command(flatten)]
     method: MethodOptions,
+    #[command(flatten)]
+    given: GivenOptions,
     #[command(flatten)]
     thinning: Downsampling,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
@@ -56,13 +59,16 @@ struct RegisterOutput<'a> {
     target: String,
     thinning: &'a Downsampling,
     viewpoints: ViewpointSource,
+    #[serde(flatten)]
+    given: &'a GivenOptions,
     /// As a shell takes it.
     command: String,
 }
 
 impl RegisterCommand {
     pub(super) fn run(&self) -> Result<CommandOutcome> {
-        let (method, thinning) = self.method.with_voxel(&self.thinning)?;
+        let (method, thinning) = self.method.with_given(&self.thinning, self.given.setting())?;
+        self.given.check(&thinning)?;
         // Refused before minutes of work, not after.
         if let Some(path) = &self.write_aligned {
             io::check_applicable(&self.source, path)?;
@@ -81,16 +87,28 @@ impl RegisterCommand {
         ];
         let mut inputs = vec![self.source.as_path(), &self.target];
         inputs.extend(self.method.inputs());
+        inputs.extend(self.given.inputs());
         outputs::check(&inputs, &outputs)?;
         let threads = self.method.threads.unwrap_or(0);
         let bar = progress(0, "registering");
         let (mut registration, clouds) = par::with_threads(threads, || {
             let start = std::time::Instant::now();
             let files = [self.source.as_path(), &self.target];
-            let [source, target] =
-                input::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
+            let matches = self.given.read_matches()?;
+            let [source, target] = input::read_pair_given(
+                files,
+                &thinning,
+                self.viewpoints,
+                self.method.keep_no_returns,
+                &self.given,
+            )?;
             let seconds = start.elapsed().as_secs_f64();
-            let mut registration = method.register(&source, &target)?;
+            let mut registration = match matches {
+                Some((pairs, scores)) => {
+                    method.register_correspondences(&source, &target, &pairs, scores.as_deref())?
+                }
+                None => method.register(&source, &target)?,
+            };
             registration.time_s.0.insert(0, ("read".into(), seconds));
             Ok::<_, Error>((registration, [source, target]))
         })??;
@@ -118,6 +136,7 @@ impl RegisterCommand {
             target: self.target.display().to_string(),
             thinning: &self.thinning,
             viewpoints: self.viewpoints,
+            given: &self.given,
             command: command_line(),
         };
         if self.pictures.is_requested() {

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::clean::CleanCloud;
+use super::consensus::PointPair;
 use super::registration::Timings;
 use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp};
 use crate::cloud::{PointCloud, Transform};
@@ -145,7 +146,8 @@ impl Register for Pipeline {
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         if let Method::Consensus(consensus) = &self.first {
-            return self.first.with_advice(self.register_by_consensus(consensus, source, target));
+            let found = self.register_by_consensus(consensus, source, target, None);
+            return self.first.with_advice(found);
         }
         let clean = |end| CleanCloud::new(end, self.keep_no_returns);
         let clean = par::join_pair([source, target], clean)?;
@@ -165,6 +167,41 @@ impl Register for Pipeline {
 }
 
 impl Pipeline {
+    /// Registers by correspondences that are given ([`Consensus::register_correspondences`],
+    /// [`Teaser::register_correspondences`](super::Teaser::register_correspondences)), refines the
+    /// pose and verifies it. The clouds are used unchanged.
+    ///
+    /// # Errors
+    /// Those of these methods; [`Error::Config`] for a first method that takes no correspondences,
+    /// and for `scores` with teaser, which takes none.
+    pub fn register_correspondences(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pairs: &[(u32, u32)],
+        scores: Option<&[f32]>,
+    ) -> Result<Registration> {
+        match &self.first {
+            Method::Consensus(consensus) => {
+                let given = PointPair::from_indices(source, target, pairs, scores)?;
+                let given = Some(&given[..]);
+                self.register_by_consensus(consensus, source.into(), target.into(), given)
+            }
+            Method::Teaser(teaser) if scores.is_none() => {
+                let begun = teaser.register_correspondences(source, target, pairs)?;
+                self.refine_from(begun, source, target)
+            }
+            Method::Teaser(_) => {
+                let rule = "takes no scores: leave them out, or register by consensus";
+                Err(Error::config("scores", "teaser", rule))
+            }
+            other => {
+                let rule = "takes no correspondences: register by consensus or teaser";
+                Err(Error::config("matches", other.name(), rule))
+            }
+        }
+    }
+
     /// Runs only the refinements, from the result of another method, and the verdict; see
     /// [`register`](Register::register). The clouds are used unchanged.
     ///
@@ -188,10 +225,11 @@ impl Pipeline {
         consensus: &Consensus,
         source: Cached<'_>,
         target: Cached<'_>,
+        given: Option<&[PointPair]>,
     ) -> Result<Registration> {
         par::with_threads(consensus.threads, || {
             let mut times = Timings::default();
-            let search = consensus.search(source, target, None, &mut times)?;
+            let search = consensus.search(source, target, given, &mut times)?;
             let begun = search.to_registration(times)?;
             let [source, target] = search.clouds();
             let mut found = self.run_refinements(begun, source, target)?;

@@ -40,6 +40,15 @@ impl MethodRecord {
         MethodRecord { name: name.into(), settings: settings.into() }
     }
 
+    /// Records that the pose comes from so many given correspondences, if it does, as
+    /// `given_correspondences`.
+    pub(super) fn with_given_correspondences(mut self, count: Option<usize>) -> MethodRecord {
+        if let (Some(count), Value::Object(settings)) = (count, &mut self.settings) {
+            settings.insert("given_correspondences".into(), count.into());
+        }
+        self
+    }
+
     /// Parses the settings as those of a built-in method ([`Method`](super::Method)) or of its
     /// configuration; `None` for other methods, and for weights that were a function.
     pub fn parse<T: DeserializeOwned>(&self) -> Option<T> {

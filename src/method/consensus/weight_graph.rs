@@ -21,7 +21,7 @@ impl Consensus {
                 self.search(source.into(), target.into(), None, &mut Timings::default())?;
             let attempt = &search.trials[search.best_trial];
             let [from, onto] = &attempt.surfaces;
-            let ends = [from.feature_view(), onto.feature_view()];
+            let ends = [from, onto].map(|side| side.feature_view(side.matching_descriptors()));
             let seen = to_local_frames(pose, from, onto);
             let agreement = attempt.correspondences.inlier_weights(&seen);
             let reach = attempt.correspondences.inlier_distance();

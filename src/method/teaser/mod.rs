@@ -191,7 +191,10 @@ impl Teaser {
                 source: CloudCounts::from_cloud(source),
                 target: CloudCounts::from_cloud(target),
             };
-            self.solve(&matches, source.into(), target.into(), counts, Timings::default())
+            let times = Timings::default();
+            let found = self.solve(&matches, source.into(), target.into(), counts, times)?;
+            let method = found.method.clone().with_given_correspondences(Some(matches.len()));
+            Ok(Registration { method, ..found })
         })?
     }
 
