@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::{FxHashMap, FxHashSet};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
@@ -17,7 +17,8 @@ pub use self::duplicates::{NoReturns, find_no_returns, remove_no_returns};
 pub(crate) use self::duplicates::{merge_duplicate_points, select_returns};
 
 /// Downsampling of a cloud.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Downsampling {
     /// Side of the voxels of which one point (the mean) is kept, in the cloud's unit.
     pub voxel: Option<f64>,

@@ -86,7 +86,7 @@ fn descriptors_are_read_used_and_recorded() {
         ("--descriptors a.npy,absent.npy", "absent.npy"),
         ("--descriptors a.npy,short.npy", "expected 1500, found 2"),
         ("--descriptors a.npy,wide.npy", "at most 512"),
-        ("--descriptors a.npy,source.ply", "is not NPY"),
+        ("--descriptors a.npy,source.ply", "NPY: the header"),
         ("--descriptors a.npy,b.npy --given-descriptors both", "must be one of"),
         ("--descriptors a.npy,b.npy --method icp", "no such setting"),
         ("--given-descriptors beside", "--descriptors"),
