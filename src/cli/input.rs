@@ -1,4 +1,4 @@
-//! What is made of a file that is read: `--voxel`, `--sample`, `--seed` and `--viewpoints`.
+//! Reading of clouds with `--voxel`, `--sample`, `--seed` and `--viewpoints`.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::filter::{self, Downsampling};
 use crate::io::{self, Differences};
 
-/// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
+/// Reads `path`, removes marks of missing returns unless they are to be kept, and downsamples the
 /// rest; `stream` keeps the samples of a pair independent.
 fn read_cloud(
     path: &Path,
@@ -44,14 +44,14 @@ fn without_no_returns(cloud: PointCloud, path: &Path, keep_no_returns: bool) -> 
         };
         log(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
     }
-    // Most clouds have none: they are not looked through once more.
+    // Most clouds have none, and need no second search.
     match keep_no_returns || marks.is_empty() {
         true => cloud,
         false => filter::remove_no_returns(cloud),
     }
 }
 
-/// Reads and thins `path`, with what the cloud does not have of the file; marks of missing returns
+/// Reads and downsamples `path`, and returns the differences from the file; marks of missing returns
 /// stay.
 pub(super) fn read_with_differences(
     path: &Path,
@@ -76,8 +76,8 @@ fn read_file(path: &Path) -> Result<(PointCloud, Differences)> {
     Ok((cloud, differences))
 }
 
-/// Writes `cloud` to `path`, and says in one line in what the file differs from what was read,
-/// which had these `differences` from its own file.
+/// Writes `cloud` to `path`, and logs the differences of the file from the cloud, and the
+/// `differences` of the cloud from its own file.
 pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -> Result<()> {
     io::write(path, cloud)?;
     let differences = differences.merge(io::differences(path, cloud)?);
@@ -142,17 +142,17 @@ pub(super) fn read_pair(
 }
 
 /// The help of `--viewpoints`.
-pub(super) const VIEWPOINTS_HELP: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
-     file's frame, where it says nothing), none (unknown)";
+pub(super) const VIEWPOINTS_HELP: &str = "Viewpoints of the sensors: file (as the files say, if they do), origin (the zero of each \
+     file's frame, if a file says nothing), none (unknown)";
 
 impl Args for Downsampling {
     fn augment_args(command: Command) -> Command {
         let option = |name: &'static str, unit: &'static str, help: &'static str| {
             Arg::new(name).long(name).value_name(unit).help(help).allow_negative_numbers(true)
         };
-        let voxel = "Keep one point (the mean) per cube of this side, in the unit of the \
-                     coordinates; for consensus the length that all others follow from";
-        let sample = "Keep this many points, drawn at random (after --voxel)";
+        let voxel = "Keep one point (the mean) per voxel of this side, in the unit of the \
+                     coordinates; for consensus the voxel size, from which all other distances follow";
+        let sample = "Keep this many points, drawn at random, after --voxel";
         let seed = "Seed of --sample; the two clouds of a pair are drawn independently";
         command.args([
             option("voxel", "V", voxel).value_parser(value_parser!(f64)),

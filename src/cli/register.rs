@@ -239,7 +239,7 @@ fn advice(registration: &Registration) -> &'static str {
 }
 
 /// Returns the result in a few lines: decision and probability first.
-pub(super) fn summary(registration: &Registration) -> String {
+fn summary(registration: &Registration) -> String {
     let r = registration;
     let mut lines = Vec::new();
     if let Some(verdict) = &r.verdict {
