@@ -12,6 +12,7 @@ use crate::math::{self, Vec3};
 /// Drivers of depth cameras and LiDARs write a row for every pixel or pulse, and one fixed
 /// position, mostly (0, 0, 0), for those without a return.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct NoReturns {
     /// The position, in the cloud's own frame.
     pub place: Vec3,

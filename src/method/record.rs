@@ -13,6 +13,7 @@ use serde_json::Value;
 /// assert_eq!((mine.name.as_str(), &mine.settings["rounds"]), ("mine", &3.into()));
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MethodRecord {
     /// Name of the method, as accepted by `--method`.
     #[serde(rename = "method")]
