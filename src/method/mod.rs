@@ -31,6 +31,7 @@ mod teaser;
 mod termination;
 mod viewpoint_choice;
 mod weight_graph;
+mod weight_links;
 
 pub use cache::{Cache, Cached};
 pub use catalogue::Method;
@@ -51,7 +52,7 @@ pub use registration::{Certificate, CloudCounts, PointCounts, Registration, Timi
 pub use solved_pose::SolvedPose;
 pub use teaser::Teaser;
 pub use termination::{IterationRecord, StopReason};
-pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
+pub use weight_links::{WeightBlock, WeightGraph, WeightedLink};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;

@@ -4,8 +4,8 @@ use super::{Consensus, ConsensusSearch};
 use crate::cloud::Transform;
 use crate::error::Result;
 use crate::method::Cached;
+use crate::method::WeightGraph;
 use crate::method::registration::Timings;
-use crate::method::weight_graph::WeightGraph;
 use crate::par;
 use crate::surface::to_local_frames;
 
