@@ -11,6 +11,8 @@ use cfreg::{Transform, io};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::common::files::npy;
+
 fn cfreg(folder: &Path, line: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cfreg"));
     command.current_dir(folder).args(line.split_whitespace()).output().unwrap()
@@ -35,15 +37,6 @@ fn refused(folder: &Path, line: &str) -> String {
 fn truth() -> Transform {
     let turn = Transform::from_rotation_vector([0.4, -1.0, 0.8]);
     Transform { translation: [2.0, -1.0, 0.5], ..turn }
-}
-
-/// An NPY file, as `numpy.save` writes it.
-fn npy(folder: &Path, name: &str, descr: &str, shape: &str, data: &[u8]) {
-    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
-    let header = format!("{header:<117}\n");
-    let length = (header.len() as u16).to_le_bytes();
-    let content = [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat();
-    std::fs::write(folder.join(name), content).unwrap();
 }
 
 /// Two clouds of one surface, `source.ply` and `target.ply`, each point of which has the number of

@@ -6,8 +6,8 @@ use cfreg::descriptor::{Descriptor, Fpfh, HistogramScale, PreparedCloud};
 use cfreg::filter::voxel_grid;
 use cfreg::math::{self, eigen};
 use cfreg::method::{
-    Cf, Cfk, Consensus, DescriptorDistance, DescriptorRole, FeatureConfig, GivenDescriptors,
-    Method, Pipeline, Register, Teaser,
+    Cf, CfSpectral, Cfk, Consensus, DescriptorDistance, DescriptorRole, FeatureConfig,
+    GivenDescriptors, Method, Pipeline, Register, Teaser,
 };
 use cfreg::normals::Orientation;
 use cfreg::search::Neighborhood;
@@ -98,6 +98,9 @@ fn a_descriptor_of_a_stranger_enters_every_method() {
         let teaser = Teaser { features: features.clone(), ..Teaser::default() };
         let found = teaser.register(&source, &target).unwrap();
         assert!(off(&found, &truth) < 5.0, "{role}: {} degrees", off(&found, &truth));
+        let spectral = CfSpectral { features: features.clone(), ..CfSpectral::default() };
+        let found = spectral.register(&source, &target).unwrap();
+        assert!(off(&found, &truth) < 5.0, "{role}: {} degrees", off(&found, &truth));
         let cf = Cf { features, ..Cf::default() };
         let found = cf.register(&source, &target).unwrap();
         assert!(off(&found, &truth) < 15.0, "{role}: {} degrees", off(&found, &truth));
@@ -130,6 +133,25 @@ fn given_fpfh_is_built_in_fpfh() {
         teaser(replacing(outward())).register(&from, &onto).unwrap().transform,
         teaser(outward()).register(&source, &target).unwrap().transform
     );
+}
+
+/// The same for second-order weights, whose defaults are other neighbourhoods and histograms.
+#[test]
+fn given_fpfh_is_that_of_second_order_weights() {
+    let (source, target, _) = pair();
+    let features =
+        FeatureConfig { orientation: Orientation::Outward, ..CfSpectral::default().features };
+    let fpfh = Fpfh { histogram: HistogramScale::Open3d };
+    let described = |cloud: &PointCloud| features.attach(cloud, &fpfh).unwrap();
+    let (from, onto) = (described(&source), described(&target));
+    let spectral = |features| CfSpectral { features, ..CfSpectral::default() };
+    let given = spectral(replacing(features.clone()));
+    assert_eq!(
+        given.register(&from, &onto).unwrap().transform,
+        spectral(features.clone()).register(&source, &target).unwrap().transform
+    );
+    let none = given.register(&from, &target).unwrap_err().to_string();
+    assert!(none.contains("the target carries no descriptors"), "{none}");
 }
 
 /// The same for consensus, on points that its downsampling keeps one by one: they are at least 1
