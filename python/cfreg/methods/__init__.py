@@ -159,9 +159,9 @@ def register(
         "teaser": they take the place of those by descriptors
     scores : (K,) weights of the matches, 0 or more, for "consensus"
     descriptors : (N, D) and (M, D) numbers, D up to 512: a row for each row of source and of target,
-        such as learned features, for "consensus", "cf", "cf-multiscale", "cf-spectral", "cfk" and "teaser". They
-        replace FPFH, unless the setting given_descriptors has them "beside" it; with ":cosine",
-        "replace:cosine", rows are compared by the angle between them
+        such as learned features, for "consensus", "cf", "cf-multiscale", "cf-spectral", "cfk" and
+        "teaser". They replace FPFH, unless the setting given_descriptors has them "beside" it; with
+        ":cosine", "replace:cosine", rows are compared by the angle between them
     verdict : whether a pose of a method without a verdict of its own is verified by a search like
         that of "consensus": True ("on"), False ("off") or "auto", which is True here
     keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
