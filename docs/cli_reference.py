@@ -20,7 +20,7 @@ HEAD = """\
 This page is made from the program itself: `python docs/cli_reference.py` runs `cfreg help` for every command.
 `cargo install --path . --features cli` puts `cfreg` on the path.
 
-The exit status is **0** for an answer, **1** for an answer that is not to be trusted, and **2** for no answer, or for
+The exit status is **0** for a result that may be used, **1** for a result with warnings, and **2** for no result, or for
 one that could not be written.
 """
 

@@ -203,6 +203,22 @@ def formats(made):
     save("apply", "a.stl", binary)
 
 
+def tables_of_numbers():
+    def npy(name, descr, shape, data, order="False", version=1):
+        header = f"{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}\n"
+        length = struct.pack("<H" if version == 1 else "<I", len(header))
+        save("arrays", name, b"\x93NUMPY" + bytes([version, 0]) + length + header.encode() + data)
+
+    flat = [x for point in POINTS for x in point]
+    for descr, letter in (("<f2", "<24e"), (">f4", ">24f"), ("<f8", "<24d")):
+        npy(f"points{descr[1:]}.npy", descr, "(8, 3)", struct.pack(letter, *flat))
+    npy("columns.npy", "<f8", "(8, 3)", struct.pack("<24d", *flat), "True", 2)
+    npy("pairs.npy", "<i8", "(3, 2)", struct.pack("<6q", 0, 1, 2, 3, 4, 5))
+    npy("scored.npy", "<f4", "(2, 3)", struct.pack("<6f", 0, 1, 0.5, 2, 3, 0.25))
+    npy("scores.npy", "|u1", "(4,)", bytes(range(4)))
+    npy("nan.npy", "<f4", "(1, 2)", struct.pack("<2f", math.nan, math.inf))
+
+
 def pose():
     matrix = [[0.36, 0.48, -0.8, 1.5], [-0.8, 0.6, 0.0, -2.0], [0.48, 0.64, 0.6, 0.25], [0, 0, 0, 1]]
     save("pose", "matrix.txt", "# a pose\n" + rows(matrix))
@@ -333,6 +349,7 @@ if __name__ == "__main__":
     pcd()
     text()
     formats(Path(sys.argv[1]) if len(sys.argv) > 1 else None)
+    tables_of_numbers()
     matrix = pose()
     tables(matrix)
     report(matrix)

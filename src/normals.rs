@@ -49,6 +49,7 @@ pub enum OrientedBy {
 
 /// Normals of a cloud.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Normals {
     /// Unit vectors, one a point; zero if the neighbourhood has no plane (fewer than three points,
     /// all on one line or at one position).

@@ -86,6 +86,7 @@ pub(super) fn dressed(points: &[[f64; 3]], bytes: &mut Bytes<'_>) -> Option<Poin
         normals: (has & 1 != 0).then_some(&normals),
         weights: (has & 2 != 0).then_some(&weights),
         channels: (has & 4 != 0).then_some(&channels),
+        ..Attributes::default()
     };
     let cloud = heard(PointCloud::with_attributes(points, attributes), None)?;
     if has & 8 == 0 {

@@ -62,10 +62,24 @@ pub fn e57(data: &[u8]) {
     cloud("input.e57", data, (4 << 20) + 100 * data.len());
 }
 
-/// Arrays of numpy, alone and in archives, and rows of f32 without a header.
+/// Arrays of numpy, alone and in archives, and rows of f32 without a header: clouds, and tables of
+/// numbers, descriptors and correspondences.
 pub fn arrays(data: &[u8]) {
     const NAMES: [&str; 3] = ["input.npy", "input.npz", "input.bin"];
     cloud(NAMES[data.len() % NAMES.len()], data, 64 << 20);
+    let path = door::file("input.npy", data);
+    let table = heard(bounded(data.len(), 64 << 20, || io::read_array(&path)), Some(&path));
+    if let Some(table) = table {
+        let [rows, columns] = table.shape();
+        assert!(columns > 0 && rows * columns <= data.len(), "more numbers than bytes");
+        assert_eq!(table.values().len(), rows * columns);
+    }
+    if let Some(rows) = heard(io::read_descriptors(&path), Some(&path)) {
+        assert!(rows.as_slice().iter().all(|x| x.is_finite()), "a descriptor is not finite");
+    }
+    if let Some((pairs, scores)) = heard(io::read_correspondences(&path), Some(&path)) {
+        assert!(scores.is_none_or(|scores| scores.len() == pairs.len()));
+    }
 }
 
 /// OBJ, OFF and STL: clouds, and meshes.

@@ -7,6 +7,7 @@ use cfreg::math::Vec3;
 
 /// A scan, whose points are drawn, or a surface, which is sampled uniformly by area.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "few models exist at a time")]
 pub enum Model {
     /// Scanned points: denser where the sensor's incidence was perpendicular.
     Points(PointCloud),

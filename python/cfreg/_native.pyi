@@ -83,7 +83,10 @@ class PointCloud:
         viewpoint: _Place | None = None,
         weights: Any = None,
         channels: Mapping[str, Any] | None = None,
+        descriptors: Any = None,
     ) -> PointCloud: ...
+    @property
+    def descriptors(self) -> npt.NDArray[np.float32] | None: ...
     @property
     def weights(self) -> npt.NDArray[np.float32] | None: ...
     @property
@@ -205,6 +208,7 @@ def register(
     initial: _Matrix | None = None,
     matches: npt.ArrayLike | None = None,
     scores: npt.ArrayLike | None = None,
+    descriptors: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
 ) -> str: ...
 def register_pose(
     source: _CloudLike,
@@ -223,6 +227,7 @@ def register_batch(
     settings: str,
     output: str | PathLike[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
+    custom: Any = None,
 ) -> Any: ...
 def read_list(path: str | PathLike[str]) -> list[tuple[str, str]]: ...
 def read_batch(path: str | PathLike[str]) -> dict[str, tuple[str, Any]]: ...

@@ -6,13 +6,13 @@ import dataclasses
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Union, overload
+from typing import Any, Union, cast, overload
 
 import numpy as np
 
 from . import _interop, _native
 from .batch_results import BatchResult, BatchSummary
-from .methods import CF, Consensus, Method, _made
+from .methods import CF, Consensus, CustomMethod, Method, _custom_named, _is_custom, _made
 from .methods.base import Refinements, _options, _refinements
 
 __all__ = ["register_batch"]
@@ -27,7 +27,7 @@ Progress = Callable[[int, int], object]
 @overload
 def register_batch(
     pairs: Pairs,
-    method: str | Method = "consensus",
+    method: str | Method | CustomMethod = "consensus",
     *,
     output: None = None,
     refine: Refinements = (),
@@ -49,7 +49,7 @@ def register_batch(
 @overload
 def register_batch(
     pairs: Pairs,
-    method: str | Method = "consensus",
+    method: str | Method | CustomMethod = "consensus",
     *,
     output: str | os.PathLike[str],
     resume: bool = False,
@@ -72,7 +72,7 @@ def register_batch(
 ) -> BatchSummary: ...
 def register_batch(
     pairs: Pairs,
-    method: str | Method = "consensus",
+    method: str | Method | CustomMethod = "consensus",
     *,
     output: str | os.PathLike[str] | None = None,
     resume: bool = False,
@@ -103,7 +103,9 @@ def register_batch(
     pairs : (source, target) pairs of files, of names in `clouds`, or of clouds of any kind that
         register takes; or the file of a list, CSV or Parquet with the columns source and target.
         A cloud that comes in many pairs should be the same object in all of them
-    method, refine, settings : see register. `threads` of a method has no effect
+    method, refine, settings : see register. `threads` of a method has no effect. A method of your
+        own gets each pair as two PointCloud objects, on several threads unless `threads` is 1;
+        what it raises is the `error` of the row
     output : file to write the rows to, .csv, .jsonl or .parquet, instead of returning them;
         until all are there they are in a journal beside it
     resume : go on from the journal of a run that was cut short, to the same bytes; one of other
@@ -146,11 +148,19 @@ def register_batch(
     >>> found["trusted"].tolist(), found["error"][1]
     ([True, False], 'absent.ply: No such file or directory (os error 2)')
     """
-    chosen = _made(method, settings)
+    custom: CustomMethod | None = None
+    if _is_custom(method):
+        for name, value in settings.items():
+            rule = "a method of your own takes none: give it there"
+            raise _native.SettingError(f"{name} = {_interop.shown(value)}: {rule}")
+        custom = cast(CustomMethod, method)
+        chosen: Method = Consensus()
+    else:
+        chosen = _made(cast("str | Method", method), settings)
     if isinstance(chosen, CF) and chosen._own_weights() is not None:
         rule = "only kernels that have a name are taken here"
         raise _native.SettingError(f"weights = {_interop.shown(chosen.weights)}: {rule}")
-    if voxel is not None and isinstance(chosen, Consensus):
+    if voxel is not None and custom is None and isinstance(chosen, Consensus):
         chosen, voxel = dataclasses.replace(chosen, voxel=voxel), None
     given = _by_name(clouds)
     options = {
@@ -170,11 +180,12 @@ def register_batch(
         pairs if isinstance(pairs, (str, os.PathLike)) else _named(pairs, given),
         given,
         folder,
-        chosen._named(),
+        chosen._named() if custom is None else _custom_named(custom),
         _refinements(refine),
         _interop.to_json(options),
         output,
         progress,
+        custom,
     )
     return BatchSummary(*found) if isinstance(found, tuple) else BatchResult(found)
 

@@ -12,6 +12,7 @@ use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
 
 use super::cloud_arg::CloudArg;
+use super::custom_method::CustomMethod;
 use super::errors::{real, settings_error, to_pyerr};
 use super::gil::run_interruptible;
 use super::interop::BadRows;
@@ -86,7 +87,7 @@ pub(super) enum PairsArg {
 /// Register pairs and return the columns of their rows, {name: (kind, values)}. With an `output`,
 /// write the rows, and return the numbers of pairs: all, resumed, trusted, without a pose.
 #[pyfunction]
-#[pyo3(signature = (pairs, clouds, folder, method, refinements, settings, output=None, progress=None))]
+#[pyo3(signature = (pairs, clouds, folder, method, refinements, settings, output=None, progress=None, custom=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register_batch(
     py: Python<'_>,
@@ -98,12 +99,21 @@ pub(super) fn register_batch(
     settings: &str,
     output: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
+    custom: Option<Py<PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let settings = BatchSettings::read(settings)?;
-    let (first, refinements) = parse_chain(&method, &refinements)?;
+    // The first method of a custom method's chain is the one that verifies; it is not run.
+    let verifier = ("consensus".to_string(), "{}".to_string());
+    let first = if custom.is_some() { &verifier } else { &method };
+    let (first, refinements) = parse_chain(first, &refinements)?;
     let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
     let chain = settings.options.apply_to(chain, true)?;
-    let mut batch = Batch::new(&chain, &chain);
+    let custom = custom.map(|object| CustomMethod::new(object, &method, chain.clone()));
+    let custom = custom.transpose()?;
+    let mut batch = match &custom {
+        Some(custom) => Batch::new(custom, custom),
+        None => Batch::new(&chain, &chain),
+    };
     settings.apply_to(&mut batch).map_err(to_pyerr)?;
     for (name, cloud) in clouds {
         let name: String = name.extract()?;

@@ -1,6 +1,7 @@
 //! `PointCloud`: created once, used for any number of calls.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -19,6 +20,14 @@ use cfreg::error::Error;
 use cfreg::math::Vec3;
 use cfreg::{filter, search};
 
+/// Weights, channels, integers of colours, and descriptors of a pickled cloud.
+type PickledAttributes<'py> = (
+    Option<Bound<'py, PyAny>>,
+    Bound<'py, PyDict>,
+    BTreeMap<String, u16>,
+    Option<Bound<'py, PyAny>>,
+);
+
 /// Points, optionally with unit normals and a viewpoint.
 ///
 /// Any number of calls use it without another copy. It is immutable.
@@ -36,6 +45,8 @@ use cfreg::{filter, search};
 ///     normals point towards it
 /// weights : (N,) numbers, 0 or more and not all 0: the weight of each point. 2 is equivalent
 ///     to having the point twice, 0 to not connecting it
+/// descriptors : (N, D) numbers, D up to 512: a row a point by which points may be compared, such as
+///     learned features (`cfreg.register(..., given_descriptors="replace")`)
 /// channels : {name: (N,) numbers}, finite: scalars by which points may be compared beside their
 ///     shape (`cfreg.CF(channels=...)`). Colours of the other libraries become red, green, blue, 0
 ///     to 1; for pyvista and Open3D's tensors all finite columns are used, `weight` as weights
@@ -83,8 +94,8 @@ impl PyCloud {
         let given = &given.get().cloud;
         let weights = given.weights().map(<[f32]>::to_vec);
         let (channels, viewpoint) = (given.channels().clone(), given.viewpoint());
-        let dropped = given.dropped();
-        let parts = Parts { weights, channels, viewpoint, dropped, ..cloud.parts() };
+        let (descriptors, dropped) = (given.descriptors().cloned(), given.dropped());
+        let parts = Parts { weights, channels, descriptors, viewpoint, dropped, ..cloud.parts() };
         Cloud::from_parts(parts).map_err(to_pyerr)
     }
 
@@ -96,7 +107,7 @@ impl PyCloud {
 #[pymethods]
 impl PyCloud {
     #[new]
-    #[pyo3(signature = (points, normals=None, viewpoint=None, weights=None, channels=None))]
+    #[pyo3(signature = (points, normals=None, viewpoint=None, weights=None, channels=None, descriptors=None))]
     fn new(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
@@ -104,6 +115,7 @@ impl PyCloud {
         viewpoint: Option<&Bound<'_, PyAny>>,
         weights: Option<&Bound<'_, PyAny>>,
         channels: Option<&Bound<'_, PyAny>>,
+        descriptors: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let channels = channels.map(mapping).transpose()?;
         let viewpoint = viewpoint.map(|at| parse_vec3(at, "viewpoint")).transpose()?;
@@ -116,8 +128,8 @@ impl PyCloud {
             _ => PyCloud::from_any(points, "points", normals, BadRows::Drop)?,
         };
         // Rows that a `PointCloud` has dropped do not count.
-        let rows = match (given, &weights, &channels) {
-            (Some(_), ..) | (_, None, None) => RowSelection::new(cloud.len()),
+        let rows = match (given, weights, &channels, descriptors) {
+            (Some(_), ..) | (_, None, None, None) => RowSelection::new(cloud.len()),
             _ => RowSelection::from_points(points, &cloud)?,
         };
         let cloud = match viewpoint {
@@ -137,7 +149,22 @@ impl PyCloud {
             }
             None => cloud,
         };
+        let cloud = match descriptors {
+            Some(given) => {
+                let descriptors = rows.descriptors(given, "descriptors")?;
+                detach(py, || cloud.with_descriptors(descriptors))?.map_err(to_pyerr)?
+            }
+            None => cloud,
+        };
         Ok(cloud.into())
+    }
+
+    /// (N, D) float32 array of the points' descriptors, read-only; None if the cloud carries none.
+    #[getter]
+    fn descriptors<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
+        let Some(rows) = self.cloud.descriptors() else { return Ok(None) };
+        let values = detach(py, || rows.as_slice().to_vec())?;
+        Ok(Some(read_only(to_array2(py, rows.dim(), values))))
     }
 
     /// (N,) float32 array of the points' weights, read-only; None if all have the same weight.
@@ -351,6 +378,7 @@ impl PyCloud {
             parts.push("weights".into());
         }
         parts.extend(cloud.channels().names().map(String::from));
+        parts.extend(cloud.descriptors().map(|rows| format!("{} descriptor values", rows.dim())));
         if let Some((low, high)) = detach(py, || cloud.bounds())? {
             parts.push(format!("from {} to {}", format_position(low), format_position(high)));
         }
@@ -369,7 +397,7 @@ impl PyCloud {
         let channels = this.cloud.channels();
         let depth = |name: &str| Some((name.to_string(), channels.color_depth(name)?.max()));
         let depths: BTreeMap<String, u16> = channels.names().filter_map(depth).collect();
-        let has = (this.weights(py), this.channels(py)?, depths);
+        let has = (this.weights(py), this.channels(py)?, depths, this.descriptors(py)?);
         let state = (points, origin, frame_origin, normals, viewpoint, dropped, has);
         (slf.get_type().getattr("_from_parts")?, state).into_pyobject(py)
     }
@@ -385,7 +413,7 @@ impl PyCloud {
         normals: Option<&Bound<'_, PyAny>>,
         viewpoint: Option<Vec3>,
         left_out: (usize, usize),
-        has: (Option<Bound<'_, PyAny>>, Bound<'_, PyDict>, BTreeMap<String, u16>),
+        has: PickledAttributes<'_>,
     ) -> PyResult<Self> {
         let rows = |any: &Bound<'_, PyAny>, name| match NumericArray::read(any, name, Some(3))? {
             NumericArray::F32(table) => {
@@ -399,6 +427,7 @@ impl PyCloud {
         let own = RowSelection::new(points.len());
         let weights = has.0.map(|any| own.channel(&any, "weights")).transpose()?;
         let channels = own.channels(&has.1, &has.2)?;
+        let descriptors = has.3.map(|any| own.descriptors(&any, "descriptors")).transpose()?;
         let (dropped, no_returns) = left_out;
         let parts = Parts {
             points,
@@ -407,6 +436,7 @@ impl PyCloud {
             normals,
             weights,
             channels,
+            descriptors: descriptors.map(Arc::new),
             viewpoint,
             dropped,
             no_returns,

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 
 use super::cloud::PyCloud;
-use super::errors::ShapeError;
+use super::errors::{ShapeError, argument_error};
 use super::gil::run_interruptible;
 use super::interop::BadRows;
+use super::rows::RowSelection;
 use cfreg::cloud::PointCloud;
 use cfreg::io;
 
@@ -48,6 +49,24 @@ impl<'py> CloudArg<'py> {
                  PointCloud({name}.points)"
             ))),
         }
+    }
+
+    /// The cloud with descriptors (N, D), one row for each row of `points`, which it was made of;
+    /// `name` is what errors call them.
+    pub(super) fn with_descriptors(
+        self,
+        points: &Bound<'py, PyAny>,
+        descriptors: &Bound<'py, PyAny>,
+        name: &str,
+    ) -> PyResult<Self> {
+        let cloud = self.get();
+        let rows = match points.cast::<PyCloud>().is_ok() || points.extract::<PathBuf>().is_ok() {
+            true => RowSelection::new(cloud.len()),
+            false => RowSelection::from_points(points, cloud)?,
+        };
+        let descriptors = rows.descriptors(descriptors, name)?;
+        let made = cloud.clone().with_descriptors(descriptors);
+        made.map(|made| CloudArg::Made(Box::new(made))).map_err(|error| argument_error(name, error))
     }
 
     /// Returns the cloud.

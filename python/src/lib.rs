@@ -18,6 +18,7 @@ mod arrays;
 mod batch;
 mod cloud;
 mod cloud_arg;
+mod custom_method;
 mod errors;
 mod features;
 mod files;

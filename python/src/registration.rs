@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use super::arrays::{parse_pose, values_for_points};
 use super::cloud_arg::CloudArg;
+use super::custom_method::parse_record;
 use super::errors::{SettingError, argument_error, optional_real, settings_error, to_pyerr};
 use super::gil::{Pool, run_interruptible, run_interruptible_on};
 use super::interop::BadRows;
@@ -18,7 +19,7 @@ use super::panics::catch_panic;
 use super::weights::{CustomWeights, Weights};
 use cfreg::cloud::{PointCloud, Transform};
 use cfreg::error::{Error, Result};
-use cfreg::method::{Method, MethodRecord, Pipeline, Register, Registration, SolvedPose};
+use cfreg::method::{Method, Pipeline, Register, Registration, SolvedPose};
 use cfreg::pose::nearest_rotation;
 use cfreg::verify;
 use cfreg::weight::Normalization;
@@ -32,6 +33,9 @@ struct MethodInputs {
     matches: Option<Vec<(u32, u32)>>,
     scores: Option<Vec<f32>>,
 }
+
+/// Descriptors of source and target, (N, D) each.
+type DescriptorArrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 /// Settings of the verification, and of the points that are removed before; a JSON object.
 #[derive(Deserialize)]
@@ -71,7 +75,7 @@ impl RegistrationOptions {
 
 /// Estimate the pose of the source in the frame of the target; returns the result as JSON.
 #[pyfunction]
-#[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None, scores=None))]
+#[pyo3(signature = (source, target, method, refinements, options, weights=None, normalize="none", initial=None, matches=None, scores=None, descriptors=None))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(super) fn register(
     py: Python<'_>,
@@ -85,6 +89,7 @@ pub(super) fn register(
     initial: Option<&Bound<'_, PyAny>>,
     matches: Option<&Bound<'_, PyAny>>,
     scores: Option<&Bound<'_, PyAny>>,
+    descriptors: Option<DescriptorArrays<'_>>,
 ) -> PyResult<String> {
     let (first, refinements) = parse_chain(&method, &refinements)?;
     let chain = Pipeline::new(first, refinements).map_err(to_pyerr)?;
@@ -106,11 +111,19 @@ pub(super) fn register(
         Some(_) => CloudArg::read_indexed(any, name),
         None => CloudArg::read(any, name, None, BadRows::Drop),
     };
-    let (source, target) = (cloud(source, "source")?, cloud(target, "target")?);
-    let (source, target) = (source.get(), target.get());
+    let (mut from, mut onto) = (cloud(source, "source")?, cloud(target, "target")?);
+    if let Some((own, other)) = &descriptors {
+        from = from.with_descriptors(source, own, "descriptors[0]")?;
+        onto = onto.with_descriptors(target, other, "descriptors[1]")?;
+    }
+    let (source, target) = (from.get(), onto.get());
     let pool = given.weights.as_ref().map_or(Pool::Shared, |(own, _)| own.pool());
     let found = run_interruptible_on(py, pool, || {
-        match register_first(chain.first(), &given, source, target)? {
+        if let Some(matches) = &given.matches {
+            let scores = given.scores.as_deref();
+            return chain.register_correspondences(source, target, matches, scores);
+        }
+        match register_weighted(chain.first(), &given, source, target)? {
             Some(begun) => chain.refine_from(begun, source, target),
             None => chain.register(source, target),
         }
@@ -122,8 +135,8 @@ pub(super) fn register(
     to_json(&found)
 }
 
-/// The result of the first method by weights or matches of one's own; `None` where there are none.
-fn register_first(
+/// The result of the first method by weights of one's own; `None` where there are none.
+fn register_weighted(
     method: &Method,
     given: &MethodInputs,
     source: &PointCloud,
@@ -135,12 +148,6 @@ fn register_first(
         }
         (Method::Cfk(cfk), MethodInputs { weights: Some((own, normalization)), .. }) => {
             cfk.register_with(source, target, |connection| own.moments(connection, *normalization))
-        }
-        (Method::Consensus(consensus), MethodInputs { matches: Some(matches), scores, .. }) => {
-            consensus.register_correspondences(source, target, matches, scores.as_deref())
-        }
-        (Method::Teaser(teaser), MethodInputs { matches: Some(matches), .. }) => {
-            teaser.register_correspondences(source, target, matches)
         }
         _ => return Ok(None),
     };
@@ -159,9 +166,7 @@ pub(super) fn register_pose(
     options: &str,
 ) -> PyResult<String> {
     let transform = parse_pose(transform, "the pose of the method")?;
-    let (name, settings) = method;
-    let settings: Value = serde_json::from_str(&settings)
-        .map_err(|error| settings_error(&format!("settings of {name}"), error))?;
+    let record = parse_record(&method)?;
     // The first method is the one that verifies: its own search is not made.
     let verifier = ("consensus".to_string(), "{}".to_string());
     let (first, refinements) = parse_chain(&verifier, &refinements)?;
@@ -171,7 +176,7 @@ pub(super) fn register_pose(
     let target = CloudArg::read(target, "target", None, BadRows::Drop)?;
     let (source, target) = (source.get(), target.get());
     let found = run_interruptible(py, || {
-        let solved = SolvedPose::new(transform, MethodRecord::new(&name, &settings));
+        let solved = SolvedPose::new(transform, record);
         chain.refine_from(solved.finish(source, target)?, source, target)
     })?;
     to_json(&found)

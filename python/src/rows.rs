@@ -9,9 +9,10 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{as_array, interop_module};
-use super::errors::{Error, ShapeError, format_value, to_pyerr};
-use cfreg::cloud::{Channels, ColorDepth, PointCloud};
+use super::arrays::{NumericArray, as_array, interop_module};
+use super::errors::{Error, ShapeError, argument_error, format_value, non_finite_error, to_pyerr};
+use super::shutdown::detach;
+use cfreg::cloud::{Channels, ColorDepth, Descriptors, PointCloud};
 
 /// The rows of points that were handed over, and which of them a cloud keeps.
 pub(super) struct RowSelection {
@@ -68,6 +69,38 @@ impl RowSelection {
         Ok(match &self.kept {
             Some(kept) => kept.iter().map(|&row| all[row]).collect(),
             None => all,
+        })
+    }
+
+    /// Reads descriptors (N, D), numbers of any kind, one row a row, and returns those of the kept
+    /// rows in f32.
+    pub(super) fn descriptors(&self, any: &Bound<'_, PyAny>, name: &str) -> PyResult<Descriptors> {
+        let py = any.py();
+        let table = NumericArray::read(&as_array(any, name)?, name, None)?;
+        let [found, width] = table.shape();
+        if found != self.number {
+            let expected = self.number;
+            let message = format!(
+                "{name}: expected shape ({expected}, D), one row a point, found ({found}, {width})"
+            );
+            return Err(ShapeError::new_err(message));
+        }
+        let values: Vec<f32> = match &table {
+            NumericArray::F32(table) => table.as_slice()?.to_vec(),
+            NumericArray::F64(table) => table.as_slice()?.iter().map(|&x| x as f32).collect(),
+        };
+        let kept = self.kept.as_ref();
+        let values = match kept {
+            Some(kept) => {
+                kept.iter().flat_map(|&i| &values[i * width..][..width]).copied().collect()
+            }
+            None => values,
+        };
+        detach(py, || Descriptors::new(width, values))?.map_err(|error| match error {
+            cfreg::Error::NonFinite { index, .. } => {
+                non_finite_error(name, kept.map_or(index, |kept| kept[index]))
+            }
+            other => argument_error(name, other),
         })
     }
 

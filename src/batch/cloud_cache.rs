@@ -126,7 +126,7 @@ fn memory_size(kept: Option<&CachedCloud>) -> usize {
 
 /// Adds all data of a cloud to a hash.
 pub(super) fn hash_cloud(hash: &mut Fnv1a, cloud: &PointCloud) {
-    let Parts { points, origin, frame_origin, normals, weights, channels, viewpoint, .. } =
+    let Parts { points, origin, frame_origin, normals, weights, channels, descriptors, .. } =
         cloud.parts();
     let mut many = |name: &str, numbers: &[f32]| {
         hash.add_text(name);
@@ -137,7 +137,10 @@ pub(super) fn hash_cloud(hash: &mut Fnv1a, cloud: &PointCloud) {
     many("normals", normals.unwrap_or_default().as_flattened());
     many("weights", &weights.unwrap_or_default());
     channels.iter().for_each(|(name, values)| many(name, values));
-    let places = [Some(origin), Some(frame_origin), viewpoint];
+    if let Some(rows) = descriptors {
+        many(&format!("descriptors {}", rows.dim()), rows.as_slice());
+    }
+    let places = [Some(origin), Some(frame_origin), cloud.viewpoint()];
     places.iter().flatten().flatten().for_each(|&x| hash.add_number(x));
 }
 

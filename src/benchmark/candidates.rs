@@ -14,6 +14,7 @@ use crate::verify::Evidence;
 
 /// One verified pose of one pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CandidateRow {
     /// The pair's set.
     pub dataset: String,

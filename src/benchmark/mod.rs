@@ -55,6 +55,7 @@ impl Default for Settings {
 
 /// The result of one method on one pair.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct BenchmarkRow {
     /// The pair's set.
     pub dataset: String,
@@ -208,6 +209,7 @@ fn register_pair(
 }
 
 /// A pair that was registered again.
+#[non_exhaustive]
 pub struct Rerun {
     /// The source, moved as in the first run.
     pub source: PointCloud,

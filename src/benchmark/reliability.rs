@@ -9,6 +9,7 @@ const BIN_COUNT: usize = 10;
 
 /// Poses whose probabilities are in the same tenth.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ReliabilityBin {
     /// Lower end of the class; the upper is a tenth more.
     pub from: f64,

@@ -1,4 +1,4 @@
-//! `cfreg batch`: a list of pairs, a row of results for each.
+//! `cfreg batch`: registration of a list of pairs, with a row of results for each.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,36 +14,37 @@ use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::par::Interrupt;
 
-/// Ends with exit status 0 once every pair has its row, those without an answer too; 1 where none of
-/// their poses may be used, 130 when Ctrl-C has ended it, 2 when it could not begin or write.
+/// The exit status is 0 when every pair has its row, including pairs without a pose; 1 if none of
+/// the poses may be used; 130 after Ctrl-C; 2 if the run could not start or write.
 #[derive(Args)]
 pub(super) struct BatchCommand {
-    /// Pairs: CSV or Parquet with the columns source and target, files of clouds; others are not
-    /// looked at
+    /// Pairs: CSV or Parquet with the columns source and target, files of clouds; other columns are
+    /// ignored
     pairs: PathBuf,
-    /// Rows in the order of the list: .csv, .jsonl or .parquet; until all are there they are in
+    /// Rows in the order of the list: .csv, .jsonl or .parquet; until all are complete they are in
     /// RESULTS.part
     #[arg(short, long, value_name = "RESULTS")]
     output: PathBuf,
     /// Folder that the files of the list are relative to [default: that of the list]
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Go on where an earlier run was cut short
+    /// Resume an interrupted run
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
-    /// Start anew, whatever an earlier run has left
+    /// Start again, and replace the files of an earlier run
     #[arg(long)]
     overwrite: bool,
-    /// Clouds, and what was made of them, kept for later pairs, in bytes or with a unit: 512MB, 4GiB
+    /// Memory for clouds and data computed from them, cached for later pairs, in bytes or with a unit:
+    /// 512MB, 4GiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = parse_size)]
     memory: usize,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
-    /// Give a pair up after so many seconds; which pairs come near the limit depends on the
+    /// Give up a pair after this number of seconds; the set of pairs near the limit depends on the
     /// machine
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     time_limit: Option<Duration>,
-    /// Add the column seconds, on which no two runs agree
+    /// Add the column seconds, which differs between any two runs
     #[arg(long)]
     times: bool,
     #[command(flatten)]
@@ -82,7 +83,7 @@ impl BatchCommand {
         let follow = |done: usize, _| {
             bar.set_position(done as u64);
             if !begun {
-                // What was there before says nothing of the rate.
+                // Pairs of an earlier run do not count in the rate.
                 bar.reset_eta();
                 begun = true;
             }
@@ -97,18 +98,18 @@ impl BatchCommand {
                 }
                 if done.damaged > 0 {
                     log(&format!(
-                        "cfreg: {} lines of {output}.part were changed since they were written, or \
-                         are of other pairs: these were registered again\n",
+                        "cfreg: {} lines of {output}.part were modified, or belong to other pairs: \
+                         these pairs were registered again\n",
                         done.damaged
                     ));
                 }
                 let (pairs, trusted, errors) = (done.pairs, done.trusted, done.errors);
-                log(&format!("{pairs} pairs: {trusted} to be trusted, {errors} without answer\n"));
+                log(&format!("{pairs} pairs: {trusted} poses to use, {errors} without a pose\n"));
                 Ok(if trusted > 0 { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
             }
             Err(Error::Interrupted) => {
                 log(&format!(
-                    "cfreg: ended; {output}.part has the pairs that are done: go on with --resume\n"
+                    "cfreg: interrupted; {output}.part has the pairs that are done: continue with --resume\n"
                 ));
                 Err(Error::Interrupted)
             }
@@ -117,7 +118,7 @@ impl BatchCommand {
     }
 }
 
-/// The first Ctrl-C (or SIGTERM) ends work at its next step, the second at once.
+/// The first Ctrl-C (or SIGTERM) ends the work at its next step, the second at once.
 fn handle_ctrl_c(interrupt: Interrupt) -> Result<()> {
     let end = move || match interrupt.is_requested() {
         true => std::process::exit(130),
@@ -126,7 +127,7 @@ fn handle_ctrl_c(interrupt: Interrupt) -> Result<()> {
     ctrlc::set_handler(end).map_err(|error| Error::io("signals", std::io::Error::other(error)))
 }
 
-/// Bytes, with a unit or without: `512MB`, `4GiB`.
+/// Parses a number of bytes, with a unit or without: `512MB`, `4GiB`.
 fn parse_size(text: &str) -> std::result::Result<usize, String> {
     const UNITS: [(&str, f64); 9] = [
         ("KiB", 1024.0),
@@ -151,7 +152,7 @@ fn parse_size(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// A time above 0.
+/// Parses a time above 0.
 fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     let seconds = text.parse::<f64>().ok().filter(|&seconds| seconds > 0.0);
     seconds

@@ -14,40 +14,39 @@ use crate::par;
 
 #[derive(Args)]
 pub(super) struct BenchmarkCommand {
-    /// Lists: CSV with the columns source, target, t00 to t33 and, if known, dataset, overlap
-    /// and units (m, cm, mm); or gt.log of 3DMatch
+    /// Lists: CSV with the columns source, target, t00 to t33 and, if known, dataset, overlap and
+    /// units (m, cm, mm); or gt.log of 3DMatch
     #[arg(required = true)]
     pairs: Vec<PathBuf>,
     /// Folder that the files of CSV lists are relative to [default: that of each list]
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Method, refinements after +: cf-multiscale+gicp; may be given more than once
+    /// Method, with refinements after +: cf-multiscale+gicp; may be repeated
     #[arg(long, value_name = "METHOD", default_value = "consensus")]
     method: Vec<String>,
-    /// Poses that other programs found, to be judged beside: CSV with the columns method, source,
-    /// target (as in the list), t00 to t33 and, if known, seconds and accepted; a row of no
-    /// pair that is listed is refused, a pair without a row counts as failed
+    /// Poses of other programs, to be evaluated too: CSV with the columns method, source, target (as
+    /// in the list), t00 to t33 and, if known, seconds and accepted; a row of a pair that is not in
+    /// the lists is refused, a pair without a row counts as failed
     #[arg(long, value_name = "POSES.csv")]
     poses: Vec<PathBuf>,
-    /// Rows as CSV; a run that was cut short goes on from what is there
+    /// Rows as CSV; an interrupted run continues from the rows that are there
     #[arg(long, value_name = "ROWS.csv")]
     output: Option<PathBuf>,
-    /// Writes STEM.svg and STEM.png: the probabilities that verdicts told, and the share that was
-    /// right
+    /// Write STEM.svg and STEM.png: probabilities of verdicts, and the share of correct poses
     #[arg(long, value_name = "STEM")]
     figure: Option<PathBuf>,
-    /// Writes index.html into this folder: a table of the rows, the worst first, that opens pages
-    /// of pairs with the true pose beside; these are registered once more
+    /// Write index.html to this folder: a table of the rows, the worst first, with links to pages of
+    /// pairs that show the true pose; these pairs are registered again
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Rows, the worst first, that have a page of their own
+    /// Number of rows, the worst first, with a page of their own
     #[arg(long, value_name = "N", default_value_t = 20, requires = "report")]
     pages: usize,
-    /// Instead of registering: every pose that consensus settles, with its evidence and whether it
-    /// is right, as CSV (python-ref/verdict/fit_verdict.py reads it)
+    /// Write every pose that consensus refines, with its evidence and whether it is correct, as CSV,
+    /// instead of registering (python-ref/verdict/fit_verdict.py reads it)
     #[arg(long, value_name = "CANDIDATES.csv", conflicts_with_all = ["method", "poses", "output", "figure", "report"])]
     candidates: Option<PathBuf>,
-    /// Register the clouds where they stand, not moved at random
+    /// Register the clouds at their own positions, not moved at random
     #[arg(long)]
     as_they_stand: bool,
     /// Seed of the motions
@@ -55,17 +54,17 @@ pub(super) struct BenchmarkCommand {
     seed: u64,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
-    /// When a pose is right: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
+    /// Criterion of a correct pose: indoor (15 deg, 0.3 m), outdoor (5 deg, 0.6 m), outdoor-coarse (5
     /// deg, 2 m), relative (10 deg, a twentieth of the size) [default: by the size of the source]
     #[arg(long)]
     rule: Option<SuccessCriterion>,
-    /// Points that each cloud is thinned to at random, 0 for all
+    /// Number of points to which each cloud is downsampled at random, 0 for all
     #[arg(long, value_name = "N", default_value_t = 0)]
     sample: usize,
-    /// Every N-th pair of the lists alone
+    /// Use only every N-th pair of the lists
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Threads, 0 for all cores; never changes the poses
+    /// Number of threads, 0 for all cores; never changes the poses
     #[arg(long, value_name = "T", default_value_t = 0)]
     threads: usize,
 }
@@ -101,23 +100,16 @@ impl BenchmarkCommand {
             rule: self.rule,
             points: self.sample,
         };
-        let bar = progress(1, "pairs");
-        let follow = |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
         if let Some(output) = &self.candidates {
-            let written = par::with_threads(self.threads, || {
+            let written = self.with_bar("pairs", |follow| {
                 benchmark::candidates::write(&pairs, settings, output, follow)
-            })??;
-            bar.finish_and_clear();
+            })?;
             print(&format!("{written} poses of {} pairs\n", pairs.len()))?;
             return Ok(CommandOutcome::Trusted);
         }
-        let mut rows = par::with_threads(self.threads, || {
+        let mut rows = self.with_bar("pairs", |follow| {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
-        })??;
-        bar.finish_and_clear();
+        })?;
         for (poses, path) in poses.iter().zip(&self.poses) {
             for (method, missing) in poses.missing(&pairs) {
                 log(&format!(
@@ -134,20 +126,30 @@ impl BenchmarkCommand {
             reliability::figure(&rows)?.save(stem)?;
         }
         if let Some(folder) = &self.report {
-            let bar = progress(1, "pages");
-            let follow = |done, all| {
-                bar.set_length(all as u64);
-                bar.set_position(done as u64);
-            };
-            par::with_threads(self.threads, || {
+            self.with_bar("pages", |follow| {
                 crate::report::write_benchmark(&rows, &pairs, settings, folder, self.pages, follow)
-            })??;
-            bar.finish_and_clear();
+            })?;
         }
         Ok(CommandOutcome::Trusted)
     }
 
-    /// What other programs found for the pairs of the lists.
+    /// Runs `work` on the threads of the command, under a progress bar that it moves.
+    fn with_bar<T: Send>(
+        &self,
+        what: &'static str,
+        work: impl FnOnce(&(dyn Fn(usize, usize) + Sync)) -> Result<T> + Send,
+    ) -> Result<T> {
+        let bar = progress(1, what);
+        let follow = |done: usize, all: usize| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let done = par::with_threads(self.threads, || work(&follow))??;
+        bar.finish_and_clear();
+        Ok(done)
+    }
+
+    /// Reads the poses of other programs for the pairs of the lists.
     fn read_external_poses(&self, listed: &[Pair]) -> Result<Vec<ExternalPoses>> {
         let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
         let read =

@@ -13,7 +13,7 @@ use crate::{io, search};
 
 #[derive(Args)]
 pub(super) struct InfoCommand {
-    /// Clouds to look at
+    /// Files of clouds
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Print a JSON array instead of text
@@ -21,7 +21,7 @@ pub(super) struct InfoCommand {
     json: bool,
 }
 
-/// What is in a file.
+/// The content of a file.
 #[derive(Serialize)]
 struct CloudInfo {
     file: String,
@@ -116,8 +116,8 @@ impl CloudInfo {
 pub(super) struct ConvertCommand {
     /// Cloud to read; FILE.e57#2 is the second scan
     input: PathBuf,
-    /// File to write; its extension says the format: .ply .pcd .las .laz .e57 .xyz .txt .csv .pts
-    /// .npy
+    /// File to write, in the format of its extension: .ply .pcd .las .laz .e57 .xyz .txt .csv
+    /// .pts .npy
     output: PathBuf,
     #[command(flatten)]
     thinning: Downsampling,

@@ -8,8 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::options::MethodOptions;
-use super::register::summary;
-use super::{CommandOutcome, log, matrix_text, outputs, print, print_json};
+use super::{CommandOutcome, outputs, print, print_json};
 use crate::cloud::Transform;
 use crate::cloud::shape::boulder;
 use crate::error::{Error, Result};
@@ -27,10 +26,10 @@ pub(super) struct DemoCommand {
     /// Seed of shape samples and motion
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Also write source.pcd, target.pcd (with their viewpoints) and truth.txt to this folder
+    /// Also write the clouds source.pcd and target.pcd and the true pose truth.txt to this folder
     #[arg(long, value_name = "DIR")]
     write: Option<PathBuf>,
-    /// Print one JSON object instead of the matrix
+    /// Print one JSON object, which has the matrix, instead of four lines
     #[arg(long)]
     json: bool,
 }
@@ -52,7 +51,7 @@ impl DemoCommand {
         let source = mesh.sample(self.points, first)?;
         let target = mesh.sample(self.points, second)?;
         let truth = Transform { translation: [2.0, -1.0, 0.5], ..large_rotation(self.seed) };
-        // Both were "seen" from where the shape has its zero.
+        // The viewpoint, in the middle of the shape, orients normals alike in both clouds.
         let source = source.with_viewpoint([0.0; 3])?;
         let target = target.with_viewpoint([0.0; 3])?.transformed(&truth)?;
         if let Some(folder) = &self.write {
@@ -73,22 +72,53 @@ impl DemoCommand {
         if self.json {
             print_json(&DemoOutput { registration: &registration, truth, error })?;
         } else {
-            log(&format!(
-                "two samples of one shape, {} points each; the second is moved by a known pose\n{}",
-                self.points,
-                summary(&registration)
-            ));
-            print(&matrix_text(&registration.transform.matrix()))?;
-            let turned = Transform::rigid(truth.rotation, [0.0; 3]).angle().to_degrees();
-            log(&format!(
-                "the true rotation is {turned:.3} deg; the pose is off by {:.3} deg and {:.2} % of the \
-                 size of the shape\n",
-                error.rotation_deg,
-                100.0 * error.translation / source.diagonal()
-            ));
+            print(&self.text(&registration, &truth, &error, source.diagonal()))?;
         }
         Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
     }
+}
+
+impl DemoCommand {
+    /// The four lines of the demo: the clouds, the pose, the verdict, the error.
+    fn text(
+        &self,
+        found: &Registration,
+        truth: &Transform,
+        error: &PoseError,
+        size: f64,
+    ) -> String {
+        let verdict = match &found.verdict {
+            Some(verdict) => {
+                let percent = 100.0 * verdict.probability;
+                format!(
+                    "{}, the pose is right with a probability of {percent:.1} %",
+                    verdict.decision
+                )
+            }
+            None if found.trusted => "none, and no warning".into(),
+            None => "none, but a warning (--json prints it)".into(),
+        };
+        format!(
+            "Clouds:  two independent samples of one shape, {} points each; the second is moved\n\
+             Pose:    {}, found by {} in {:.2} s\n\
+             Verdict: {verdict}\n\
+             Truth:   {}; the error is {:.3} degrees and {:.2} % of the size of the shape\n",
+            self.points,
+            pose_text(&found.transform),
+            found.method_names(),
+            found.time_s.total(),
+            pose_text(truth),
+            error.rotation_deg,
+            100.0 * error.translation / size
+        )
+    }
+}
+
+/// Rotation angle and translation of a pose, in words.
+fn pose_text(pose: &Transform) -> String {
+    let [x, y, z] = pose.translation;
+    let degrees = Transform::rigid(pose.rotation, [0.0; 3]).angle().to_degrees();
+    format!("rotation by {degrees:.2} degrees, translation by {x:.3} {y:.3} {z:.3}")
 }
 
 /// A rotation vector uniform in [−π/2, π/2)³, the large motions of the paper (section IV-A).

@@ -19,21 +19,20 @@ pub(super) struct EvaluateCommand {
     source: PathBuf,
     /// Cloud that stays
     target: PathBuf,
-    /// Pose to judge: 4 lines of 4 numbers, or the JSON of `cfreg register --json`
+    /// Pose to evaluate: 4 lines of 4 numbers, or the JSON of `cfreg register --json`
     #[arg(long, value_name = "T.txt")]
     transform: PathBuf,
     /// True pose, if known
     #[arg(long, value_name = "GT.txt")]
     truth: Option<PathBuf>,
-    /// Largest distance that counts as an inlier [default: 2 times the coarser cloud's
-    /// resolution]
+    /// Largest distance of an inlier [default: 2 times the resolution of the coarser cloud]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     max_distance: Option<f64>,
     #[command(flatten)]
     thinning: Downsampling,
-    /// Also a verdict on the pose, by a search of the method consensus: whether it is right, to
-    /// within the length that clouds are thinned to (that of --voxel), and which other one is more
-    /// probable; exit code 0 only for accept
+    /// Also verify the pose by a search of the method consensus: the probability that it is correct to
+    /// within one voxel (of the size --voxel), and a more probable pose, if there is one; the exit
+    /// code is 0 only for accept
     #[arg(long)]
     verdict: bool,
     #[arg(long, value_name = "FILE", requires = "verdict", help = VERDICT_MODEL)]
@@ -42,7 +41,7 @@ pub(super) struct EvaluateCommand {
     prior_options: PriorOptions,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
     viewpoints: ViewpointSource,
-    /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
+    /// Keep rows that mark measurements without a return: 20 or more at exactly one position, mostly
     /// (0, 0, 0)
     #[arg(long)]
     keep_no_returns: bool,
@@ -51,7 +50,7 @@ pub(super) struct EvaluateCommand {
     json: bool,
 }
 
-/// What `--json` prints.
+/// The object that `--json` prints.
 #[derive(Serialize)]
 struct EvaluateOutput {
     #[serde(flatten)]
@@ -83,7 +82,7 @@ impl EvaluateCommand {
             truth.as_ref(),
         )?;
         let verdict = || {
-            // The length follows its own way to thin: it wants the clouds as they are.
+            // The search downsamples the clouds itself.
             let raw = Downsampling { voxel: None, ..self.thinning };
             let raw = self
                 .thinning

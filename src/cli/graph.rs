@@ -1,4 +1,4 @@
-//! `cfreg graph`: results of a list as a graph of poses.
+//! `cfreg graph`: results of a list as a pose graph.
 
 use std::path::PathBuf;
 
@@ -13,13 +13,13 @@ use crate::pose_graph::Tangent;
 pub(super) struct GraphCommand {
     /// Results of `cfreg batch`: .csv, .jsonl or .parquet, or a folder with .parquet in it
     results: PathBuf,
-    /// The graph: a vertex a cloud, an edge with its information for each accepted pose
+    /// The graph: a vertex for each cloud, an edge with its information matrix for each accepted pose
     #[arg(short, long, value_name = "GRAPH.g2o")]
     output: PathBuf,
-    /// Names of the clouds by the numbers of their vertices, CSV
+    /// Names of the clouds by vertex number, CSV
     #[arg(long, value_name = "NAMES.csv")]
     names: Option<PathBuf>,
-    /// By what the reader of the graph measures rotations
+    /// Rotation convention of the program that reads the graph
     #[arg(long, value_enum, default_value_t)]
     rotations: RotationConvention,
 }

@@ -1,16 +1,17 @@
-//! What is made of a file that is read: `--voxel`, `--sample`, `--seed` and `--viewpoints`.
+//! Reading of clouds with `--voxel`, `--sample`, `--seed` and `--viewpoints`.
 
 use std::path::Path;
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, value_parser};
 
+use super::given::GivenOptions;
 use super::log;
 use crate::cloud::{PointCloud, ViewpointSource};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::filter::{self, Downsampling};
 use crate::io::{self, Differences};
 
-/// Reads `path`, leaves marks of missing returns out unless they are to be kept, and thins the
+/// Reads `path`, removes marks of missing returns unless they are to be kept, and downsamples the
 /// rest; `stream` keeps the samples of a pair independent.
 fn read_cloud(
     path: &Path,
@@ -18,10 +19,21 @@ fn read_cloud(
     keep_no_returns: bool,
     stream: u64,
 ) -> Result<PointCloud> {
-    let (mut cloud, differences) = read_file(path)?;
+    let cloud = read_file_with_notes(path)?;
+    thinning.apply(without_no_returns(cloud, path, keep_no_returns), stream)
+}
+
+/// Reads `path`, and logs what was made of its contents.
+fn read_file_with_notes(path: &Path) -> Result<PointCloud> {
+    let (cloud, differences) = read_file(path)?;
     for note in &differences.notes {
         log(&format!("cfreg: {}: {note}\n", path.display()));
     }
+    Ok(cloud)
+}
+
+/// Leaves marks of missing returns out unless they are to be kept, and logs them.
+fn without_no_returns(cloud: PointCloud, path: &Path, keep_no_returns: bool) -> PointCloud {
     let marks = filter::find_no_returns(&cloud);
     for mark in &marks {
         let ([x, y, z], rows) = (mark.place, mark.rows);
@@ -32,14 +44,14 @@ fn read_cloud(
         };
         log(&format!("cfreg: {path}: {rows} points at exactly ({x}, {y}, {z}) are {done}\n"));
     }
-    // Most clouds have none: they are not looked through once more.
-    if !keep_no_returns && !marks.is_empty() {
-        cloud = filter::remove_no_returns(cloud);
+    // Most clouds have none, and need no second search.
+    match keep_no_returns || marks.is_empty() {
+        true => cloud,
+        false => filter::remove_no_returns(cloud),
     }
-    thinning.apply(cloud, stream)
 }
 
-/// Reads and thins `path`, with what the cloud does not have of the file; marks of missing returns
+/// Reads and downsamples `path`, and returns the differences from the file; marks of missing returns
 /// stay.
 pub(super) fn read_with_differences(
     path: &Path,
@@ -64,8 +76,8 @@ fn read_file(path: &Path) -> Result<(PointCloud, Differences)> {
     Ok((cloud, differences))
 }
 
-/// Writes `cloud` to `path`, and says in one line in what the file differs from what was read,
-/// which had these `differences` from its own file.
+/// Writes `cloud` to `path`, and logs the differences of the file from the cloud, and the
+/// `differences` of the cloud from its own file.
 pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -> Result<()> {
     io::write(path, cloud)?;
     let differences = differences.merge(io::differences(path, cloud)?);
@@ -75,7 +87,49 @@ pub(super) fn write(path: &Path, cloud: &PointCloud, differences: Differences) -
     Ok(())
 }
 
-/// The source and the target of a pair.
+/// Reads the source and the target of a pair with what other programs computed of them.
+pub(super) fn read_pair_given(
+    files: [&Path; 2],
+    thinning: &Downsampling,
+    viewpoints: ViewpointSource,
+    keep_no_returns: bool,
+    given: &GivenOptions,
+) -> Result<[PointCloud; 2]> {
+    let [from, onto] = given.descriptors();
+    let read = |path: &Path, descriptors: Option<&Path>, stream| {
+        let mut cloud = read_file_with_notes(path)?;
+        if given.names_rows() {
+            check_rows(path, "matches", &cloud)?;
+        }
+        if let Some(descriptors) = descriptors {
+            check_rows(path, "descriptors", &cloud)?;
+            cloud = cloud.with_descriptors(io::read_descriptors(descriptors)?)?;
+        }
+        // Methods leave marks of missing returns out, and keep the numbers of the rows.
+        let cloud = match given.names_rows() {
+            true => cloud,
+            false => without_no_returns(cloud, path, keep_no_returns),
+        };
+        viewpoints.apply(thinning.apply(cloud, stream)?)
+    };
+    Ok([read(files[0], from, 0)?, read(files[1], onto, 1)?])
+}
+
+/// Refuses a cloud whose points are not the rows of its file, which `option` names.
+fn check_rows(path: &Path, option: &'static str, cloud: &PointCloud) -> Result<()> {
+    match cloud.dropped() {
+        0 => Ok(()),
+        dropped => {
+            let rule = format!(
+                "{dropped} points with NaN or infinite coordinates were left out, so that the rows \
+                 after them have moved up: write the file without these points first"
+            );
+            Err(Error::config(option, path.display(), rule))
+        }
+    }
+}
+
+/// Reads the source and the target of a pair.
 pub(super) fn read_pair(
     [source, target]: [&Path; 2],
     thinning: &Downsampling,
@@ -88,17 +142,17 @@ pub(super) fn read_pair(
 }
 
 /// The help of `--viewpoints`.
-pub(super) const VIEWPOINTS_HELP: &str = "Where the sensors stood: file (where the files say, if they do), origin (at the zero of each \
-     file's frame, where it says nothing), none (unknown)";
+pub(super) const VIEWPOINTS_HELP: &str = "Viewpoints of the sensors: file (as the files say, if they do), origin (the zero of each \
+     file's frame, if a file says nothing), none (unknown)";
 
 impl Args for Downsampling {
     fn augment_args(command: Command) -> Command {
         let option = |name: &'static str, unit: &'static str, help: &'static str| {
             Arg::new(name).long(name).value_name(unit).help(help).allow_negative_numbers(true)
         };
-        let voxel = "Keep one point (the mean) per cube of this side, in the unit of the \
-                     coordinates; for consensus the length that all others follow from";
-        let sample = "Keep this many points, drawn at random (after --voxel)";
+        let voxel = "Keep one point (the mean) per voxel of this side, in the unit of the \
+                     coordinates; for consensus the voxel size, from which all other distances follow";
+        let sample = "Keep this many points, drawn at random, after --voxel";
         let seed = "Seed of --sample; the two clouds of a pair are drawn independently";
         command.args([
             option("voxel", "V", voxel).value_parser(value_parser!(f64)),

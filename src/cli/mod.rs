@@ -1,7 +1,7 @@
 //! The command line: translates words into calls, decides nothing.
 //!
-//! Data goes to stdout, words to stderr. Exit codes: 0 an answer, 1 an answer that is not
-//! to be trusted, 2 no answer, or none that could be written, 130 ended by Ctrl-C.
+//! Results go to stdout, messages to stderr. Exit codes: 0 a result that may be used, 1 a result with
+//! warnings, 2 no result, or none that could be written, 130 interrupted by Ctrl-C.
 
 mod apply;
 mod batch;
@@ -9,6 +9,7 @@ mod benchmark;
 mod clouds;
 mod demo;
 mod evaluate;
+mod given;
 mod graph;
 mod input;
 mod options;
@@ -30,8 +31,8 @@ use crate::error::{Error, Result};
 
 /// Rigid point-cloud registration without correspondences and without an initial guess.
 ///
-/// Exit status: 0 an answer, 1 an answer that is not to be trusted (it is written all
-/// the same), 2 no answer.
+/// Exit status: 0 a result that may be used, 1 a result with warnings (it is written all the
+/// same), 2 no result.
 #[derive(Parser)]
 #[command(name = "cfreg", version, max_term_width = 100)]
 struct Arguments {
@@ -43,25 +44,25 @@ struct Arguments {
 enum Command {
     /// Find the pose that maps one cloud into the frame of another
     Register(register::RegisterCommand),
-    /// Show results that were kept: the page of what register --json printed, a table of rows
+    /// Write pages of saved results: of the output of register --json, or of rows as a table
     Report(report::ReportCommand),
-    /// Say what is in files
+    /// Print points, bounds, resolution and columns of files
     Info(clouds::InfoCommand),
-    /// Write a cloud in another format, thinned or moved on the way
+    /// Write a cloud in another format, downsampled or moved if asked for
     Convert(clouds::ConvertCommand),
     /// Move whole files by a pose: everything but coordinates and normals stays
     Apply(apply::ApplyCommand),
-    /// Measure how well two clouds lie on each other under a given pose
+    /// Evaluate how well two clouds overlap under a given pose
     Evaluate(evaluate::EvaluateCommand),
     /// Register two samples of a built-in shape whose true pose is known
     Demo(demo::DemoCommand),
     /// Run methods over a list of pairs with known poses: recall, errors, times, verdicts
     Benchmark(benchmark::BenchmarkCommand),
-    /// Make a list of pairs: consecutive scans, scans of a map, scans near each other
+    /// Build a list of pairs: consecutive scans, scans and a map, scans near each other
     Pairs(pairs::PairsCommand),
-    /// Register a list of pairs, one row of results a pair; goes on where it was cut short
+    /// Register a list of pairs, one row of results a pair; an interrupted run can resume
     Batch(batch::BatchCommand),
-    /// Make a graph of poses (g2o) of the accepted ones among results of a list
+    /// Export the accepted poses among the results of a list as a pose graph (g2o)
     Graph(graph::GraphCommand),
     /// Print the licences of all software that is compiled into this program
     Licenses,
@@ -70,18 +71,18 @@ enum Command {
 /// Crates and their licences; `tests/it/licenses.rs` compares it with `Cargo.lock`.
 const THIRD_PARTY: &str = include_str!("../../THIRD-PARTY.txt");
 
-/// What a command found: the exit code of an answer.
+/// The outcome of a command that has a result: its exit code.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum CommandOutcome {
     Trusted,
     Doubted,
 }
 
-/// Whether there is no standard output: the process was begun without.
+/// Whether the process was started without a standard output.
 static STDOUT_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Runs the command line of this process; `output` tells whether it was begun with a standard
-/// output. Rust puts /dev/null where there is none, and what is printed is lost.
+/// Runs the command line of this process; `output` is whether it was started with a standard
+/// output. Rust opens /dev/null if there is none, and printed results would be lost.
 pub fn main(output: bool) -> ExitCode {
     STDOUT_CLOSED.store(!output, Ordering::Relaxed);
     let arguments = match Arguments::try_parse() {
@@ -121,7 +122,7 @@ fn exit_code(outcome: Result<CommandOutcome>) -> ExitCode {
     }
 }
 
-/// Writes `text` to stderr. Words that cannot be said must not cost the answer.
+/// Writes `text` to stderr. A message that cannot be written is no reason to lose the result.
 fn log(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
@@ -131,9 +132,9 @@ fn print(text: &str) -> Result<()> {
     write_stdout(|| io::stdout().write_all(text.as_bytes()))
 }
 
-/// Has something written to stdout, all of it: what is lost there is no answer.
+/// Calls `write`, which writes to stdout, and checks that all was written.
 fn write_stdout(write: impl FnOnce() -> io::Result<()>) -> Result<()> {
-    let closed = "closed before all was printed: the answer is lost";
+    let closed = "closed before all was printed: the result is lost";
     if STDOUT_CLOSED.load(Ordering::Relaxed) {
         return Err(Error::io("standard output", io::Error::other(closed)));
     }
@@ -152,7 +153,7 @@ fn print_json(value: &impl serde::Serialize) -> Result<()> {
     print(&(text + "\n"))
 }
 
-/// A 4×4 matrix as four lines, every digit kept: what `evaluate --transform` reads.
+/// Formats a 4×4 matrix as four lines with all digits, as `evaluate --transform` reads it.
 fn matrix_text(matrix: &[[f64; 4]; 4]) -> String {
     // Adding zero turns -0 into 0.
     let words = matrix.map(|row| row.map(|x| format!("{:?}", x + 0.0)));
@@ -161,8 +162,8 @@ fn matrix_text(matrix: &[[f64; 4]; 4]) -> String {
     words.iter().map(line).collect()
 }
 
-/// A progress bar on stderr over `length` steps (0: a spinner); silent when stderr is no
-/// terminal, and not seen before a second has passed.
+/// Creates a progress bar on stderr over `length` steps (0: a spinner); hidden if stderr is no
+/// terminal, and in the first second.
 fn progress(length: u64, what: &'static str) -> ProgressBar {
     let target = if io::stderr().is_terminal() {
         ProgressDrawTarget::stderr()
@@ -179,7 +180,7 @@ fn progress(length: u64, what: &'static str) -> ProgressBar {
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
     };
     let bar = bar.with_message(what);
-    // A spinner that turns by itself must not flash up for short work.
+    // A spinner must not appear for short work.
     if length == 0 {
         let late = bar.downgrade();
         std::thread::spawn(move || {

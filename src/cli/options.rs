@@ -1,4 +1,4 @@
-//! Options that several commands share, as they are typed.
+//! Options that several commands share.
 
 use std::path::{Path, PathBuf};
 
@@ -9,32 +9,33 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::method::{Consensus, Method, Pipeline};
+use crate::method::{Consensus, GivenDescriptors, Method, Pipeline};
 use crate::pose::{Prior, RotationBound, ScaleEstimate, Solver};
 use crate::verify::VerdictModel;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
 
-/// What is known beside the shape of the clouds: of whoever finds a pose and of whoever judges one.
+/// Constraints on the pose and channels of the points, for registration and for verification.
 #[derive(Args, Clone)]
 pub(super) struct PriorOptions {
-    /// Compare points by these channels of the clouds too, as intensity:0.5,red,green,blue; a
-    /// share of 1 (the default) matters as much as the whole shape
+    /// Compare points also by these channels of the clouds, as in intensity:0.5,red,green,blue; a
+    /// share of 1 (the default) has as much influence as the whole shape
     #[arg(long, value_name = "NAME[:SHARE],..", value_delimiter = ',')]
     channels: Vec<String>,
-    /// A direction that is known in both frames, as gravity, of the source and, after a colon, of
-    /// the target; the same in both is an axis to turn about: 0,0,1 leaves the yaw alone
+    /// A direction that is known in both frames, such as gravity, in the source's frame and, after a
+    /// colon, in the target's; if both are equal, it is the axis of rotation: 0,0,1 leaves only the yaw free
     #[arg(long, value_name = "X,Y,Z[:X,Y,Z]", allow_hyphen_values = true)]
     direction: Option<String>,
-    /// A pose whose rotation is known, or near: a file of its 4×4 matrix
+    /// A pose whose rotation is known, exactly or approximately: a file with its 4×4 matrix
     #[arg(long, value_name = "T.txt")]
     near: Option<PathBuf>,
-    /// Degrees within which the rotation of --near is [default: 0, it is known]
+    /// Largest deviation from the rotation of --near, in degrees [default: 0, exactly known]
     #[arg(long, value_name = "DEG", requires = "near", allow_negative_numbers = true)]
     within: Option<f64>,
 }
 
 impl PriorOptions {
-    /// What judges a pose by it, by this length where there is one.
+    /// Returns the search that verifies a pose under these constraints, with this voxel size if there
+    /// is one.
     pub(super) fn verifier(&self, voxel: Option<f64>) -> Result<Consensus> {
         let channels = self.channels.iter().map(|text| text.parse()).collect::<Result<_>>()?;
         let judge = Consensus { voxel, prior: self.prior()?, channels, ..Consensus::default() };
@@ -42,7 +43,7 @@ impl PriorOptions {
         Ok(judge)
     }
 
-    /// The first option that was typed.
+    /// Returns the name of the first option that is given.
     pub(super) fn given_option(&self) -> Option<&'static str> {
         let all = [
             ("channels", !self.channels.is_empty()),
@@ -52,7 +53,7 @@ impl PriorOptions {
         all.into_iter().find_map(|(name, typed)| typed.then_some(name))
     }
 
-    /// What is known of the pose beforehand.
+    /// Returns the constraints on the pose.
     fn prior(&self) -> Result<Prior> {
         let mut prior = Prior::default();
         if let Some(text) = &self.direction {
@@ -73,48 +74,47 @@ impl PriorOptions {
     }
 }
 
-/// The method and its settings. What is not typed keeps the default of the library.
+/// The method and its settings. Options that are not given keep the defaults of the library.
 #[derive(Args, Clone)]
 pub(super) struct MethodOptions {
-    /// Registration method: consensus (for scans that overlap in part), cf (the paper's full
-    /// connection), cf-multiscale (at three scales, with a bandwidth from the descriptors and
-    /// dual softmax: other defaults below), cf-spectral (its strongest connections, weighted by those
-    /// that are compatible with them: one step for scans that overlap in part), cfk (of keypoints),
-    /// teaser;
-    /// from the pose in which the clouds lie: icp, icp-paper (its settings), plane-icp, gicp,
-    /// kc, cpd, dare
+    /// Registration method. Without an initial pose: consensus (for scans that overlap in part), cf
+    /// (the paper's full connection), cf-multiscale (at three scales, with a bandwidth from the
+    /// descriptors and dual softmax: other defaults below), cf-spectral (its strongest connections,
+    /// weighted by those that are compatible with them: one step for scans that overlap in part), cfk
+    /// (of keypoints), teaser. From the current pose of the clouds: icp, icp-paper (the paper's
+    /// settings), plane-icp, gicp, kc, cpd, dare
     #[arg(long, default_value = "consensus")]
     method: String,
-    /// Refine the pose by these, one after the other: icp, icp-paper,
-    /// plane-icp, gicp, kc, cpd, dare
+    /// Refine the pose by these methods, one after the other: icp, icp-paper, plane-icp, gicp, kc,
+    /// cpd, dare
     #[arg(long, value_name = "METHOD,..", value_delimiter = ',')]
     refine: Vec<String>,
-    /// Nearest points that describe a point, itself included; clouds with fewer use all
+    /// Number of nearest points of a descriptor, the point itself included; a smaller cloud uses all
     /// (cf-spectral: 100) [default: 150]
     #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
     neighbors: Option<usize>,
-    /// Describe by all points within this radius instead, in the unit of the coordinates
+    /// Compute descriptors from all points within this radius instead, in the unit of the coordinates
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     radius: Option<f64>,
-    /// More scales, each by its nearest points, and by those for its normals if they are
-    /// not to be the first scale's: their descriptors are put beside
+    /// Additional scales of descriptors, which are concatenated: the number of nearest points of each
+    /// and, after a colon, that of its normals, if not those of the first scale
     #[arg(long, value_name = "K[:NORMALS],..", value_delimiter = ',')]
     more_neighbors: Vec<String>,
-    /// Nearest points for normals [default: as for descriptors]
+    /// Number of nearest points of a normal [default: as for descriptors]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     normal_neighbors: Option<usize>,
-    /// Where normals point: viewpoint, outward, stored, or x,y,z to look towards
+    /// Orientation of normals: viewpoint, outward, stored, or a position x,y,z to face
     /// [default: viewpoint]
     #[arg(long, value_name = "WHERE", allow_hyphen_values = true)]
     orientation: Option<String>,
-    /// Whose FPFH scale: pcl or open3d [default: pcl]
+    /// Scale of FPFH: pcl or open3d [default: pcl]
     #[arg(long)]
     histogram: Option<HistogramScale>,
     /// Kernel: gaussian, laplacian, cauchy, geman-mcclure, truncated, student-t:NU, tukey,
     /// uniform [default: gaussian]
     #[arg(long)]
     weights: Option<WeightScheme>,
-    /// Squared bandwidth of the kernel, in squared descriptor units, or auto or auto:SHARE: a share
+    /// Squared bandwidth of the kernel, in squared descriptor units; or auto or auto:SHARE, a share
     /// (0.25) of the median squared distance to the most similar point [default: 100 with --histogram pcl, 400 with
     /// open3d]
     #[arg(long, allow_negative_numbers = true)]
@@ -123,7 +123,7 @@ pub(super) struct MethodOptions {
     /// [default: none]
     #[arg(long)]
     normalize: Option<Normalization>,
-    /// Closed form: arun, horn-quaternion, horn-matrix, walker [default: arun]
+    /// Closed-form solver: arun, horn-quaternion, horn-matrix, walker [default: arun]
     #[arg(long)]
     solver: Option<Solver>,
     /// Estimate a scale: fixed, umeyama, symmetric [default: fixed]
@@ -134,13 +134,13 @@ pub(super) struct MethodOptions {
     /// Bounds of an estimated scale
     #[arg(long, value_name = "LOW,HIGH")]
     scale_bounds: Option<String>,
-    /// Any other setting of the method, by its name in the `config` of --json; or, with
-    /// the name of a refinement in front, of that: --set icp.max_distance=0.05
+    /// Any other setting of the method, by its name in the `config` of --json; with the name of a
+    /// refinement in front, a setting of that refinement: --set icp.max_distance=0.05
     #[arg(long, value_name = "[METHOD.]NAME=VALUE", allow_hyphen_values = true)]
     set: Vec<String>,
-    /// Whether poses of methods that have no verdict of their own are verified, by a search like
-    /// that of consensus: on, off, or auto, which verifies every pose but in bulk those of cf,
-    /// icp, plane-icp and gicp, for which a verdict takes longer than the registration
+    /// Verification of poses of methods without a verdict of their own, by a search like that of
+    /// consensus: on, off, or auto, which verifies every pose, except, in bulk, those of cf, icp,
+    /// plane-icp and gicp, for which a verdict takes longer than the registration
     #[arg(
         long, value_name = "WHEN", num_args = 0..=1, require_equals = true,
         default_value = "auto", default_missing_value = "on"
@@ -148,23 +148,23 @@ pub(super) struct MethodOptions {
     verdict: VerdictMode,
     #[arg(long, value_name = "FILE", help = VERDICT_MODEL)]
     verdict_model: Option<PathBuf>,
-    /// Keep rows that mark measurements without a return: 20 or more at exactly one place, mostly
+    /// Keep rows that mark measurements without a return: 20 or more at exactly one position, mostly
     /// (0, 0, 0)
     #[arg(long)]
     pub(super) keep_no_returns: bool,
     /// Whether many pairs are registered
     #[arg(skip)]
     bulk: bool,
-    /// Threads, 0 for all cores; never changes the result [default: 0]
+    /// Number of threads, 0 for all cores; never changes the result [default: 0]
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub(super) threads: Option<usize>,
 }
 
-/// What `--verdict-model` does.
+/// The help of `--verdict-model`.
 pub(super) const VERDICT_MODEL: &str = "Model that ranks poses and gives verdicts, a file like \
                                         src/verify/model.json [default: the built-in one]";
 
-/// Which poses are verified that have no verdict yet.
+/// Verification of poses that have no verdict.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum VerdictMode {
     Auto,
@@ -173,8 +173,8 @@ enum VerdictMode {
 }
 
 impl MethodOptions {
-    /// The method with all that was typed, which starts from the pose of `--near` where it starts
-    /// from one, and verifies its pose as `--verdict` says.
+    /// Returns the method with all options: a method that starts from a pose starts from that of
+    /// `--near`, and the pose is verified as `--verdict` says.
     pub(super) fn chain(&self) -> Result<Pipeline> {
         let mut chain = self.method()?;
         if let Some(near) = &self.prior_options.near
@@ -198,12 +198,12 @@ impl MethodOptions {
         })
     }
 
-    /// Files that are read for it.
+    /// Returns the file that the options read.
     pub(super) fn inputs(&self) -> Option<&Path> {
         self.prior_options.near.as_deref()
     }
 
-    /// What was typed, laid over the defaults of method and refinements.
+    /// Returns the method and its refinements with the options that are given.
     pub(super) fn method(&self) -> Result<Pipeline> {
         let mut method: Method = self.method.parse()?;
         let mut refinements =
@@ -247,13 +247,26 @@ impl MethodOptions {
             return Ok((self.chain()?, *thinning));
         };
         let mut options = self.clone();
-        // As text, as beta: NaN is to be refused and not to vanish.
+        // As text, like beta: a NaN must be refused.
         options.set.insert(0, format!("voxel={voxel}"));
         Ok((options.chain()?, Downsampling { voxel: None, ..*thinning }))
     }
 
-    /// The same for pairs that run beside each other: refinements may stand after `+` in
-    /// `--method`, and `--threads` is left to those who run the pairs.
+    /// [`with_voxel`](Self::with_voxel) with this use of the descriptors that the clouds carry.
+    pub(super) fn with_given(
+        &self,
+        thinning: &Downsampling,
+        given: Option<GivenDescriptors>,
+    ) -> Result<(Pipeline, Downsampling)> {
+        let mut options = self.clone();
+        if let Some(given) = given {
+            options.set.insert(0, format!("given_descriptors={given}"));
+        }
+        options.with_voxel(thinning)
+    }
+
+    /// Returns the options for pairs that run in parallel: refinements may follow `+` in `--method`,
+    /// and `--threads` is the number of pairs.
     pub(super) fn for_batch(&self) -> MethodOptions {
         let mut options = self.clone();
         let mut parts = self.method.split('+').map(String::from);
@@ -264,7 +277,7 @@ impl MethodOptions {
         options
     }
 
-    /// What is known of the pose beforehand, if anything was said.
+    /// Returns the constraints on the pose, if there are any.
     fn prior(&self) -> Result<Option<Prior>> {
         let mut prior = self.prior_options.prior()?;
         if let Some(text) = &self.scale_bounds {
@@ -274,12 +287,12 @@ impl MethodOptions {
             };
             prior.scale = Some(bounds);
         }
-        // Here, as JSON would turn NaN into nothing.
+        // Validated here, as JSON would turn NaN into null.
         prior.validate()?;
         Ok(Some(prior).filter(|prior| !prior.is_none()))
     }
 
-    /// The flags that were typed, as settings by name.
+    /// Returns the options that are given, as settings by name.
     fn flags(&self) -> Vec<(&'static str, Value)> {
         let mut flags = Vec::new();
         let mut add = |name, value: Option<Value>| flags.extend(value.map(|value| (name, value)));
@@ -298,7 +311,7 @@ impl MethodOptions {
         }
         add("histogram", self.histogram.map(|histogram| json!(histogram)));
         add("weights", self.weights.map(|weights| json!(weights)));
-        // As text: JSON numbers lack NaN, which is to be refused and not to vanish.
+        // As text: JSON has no NaN, and a NaN must be refused.
         add("beta", self.beta.map(|beta| beta.to_string().into()));
         add("normalize", self.normalize.map(|normalize| json!(normalize)));
         add("solver", self.solver.map(|solver| json!(solver)));
@@ -308,12 +321,12 @@ impl MethodOptions {
     }
 }
 
-/// JSON knows neither NaN nor infinity; as words the setting refuses them.
+/// Returns the number; NaN and infinity, which JSON lacks, as text, which the setting refuses.
 fn json_number(value: f64) -> Value {
     if value.is_finite() { value.into() } else { value.to_string().into() }
 }
 
-/// `NAME=VALUE`, the value as JSON where it is, else as a string.
+/// Parses `NAME=VALUE`; a value that is no JSON is a string.
 fn parse_assignment(text: &str) -> Result<(&str, Value)> {
     let Some((name, value)) = text.split_once('=') else {
         return Err(Error::config("set", text, "must be NAME=VALUE"));
@@ -322,12 +335,12 @@ fn parse_assignment(text: &str) -> Result<(&str, Value)> {
     Ok((name.trim(), parsed))
 }
 
-/// Numbers with commas between.
+/// Parses numbers that are separated by commas.
 fn parse_numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|x| x.trim().parse().ok()).collect()
 }
 
-/// Three numbers are a viewpoint, anything else the name of a rule.
+/// Parses an orientation: three numbers are a viewpoint, all else the name of a rule.
 fn parse_orientation(text: &str) -> (&'static str, Value) {
     match parse_numbers(text) {
         Some(numbers) if numbers.len() == 3 => ("viewpoint", json!(numbers)),

@@ -1,12 +1,12 @@
-//! Files that a command is to write, looked at before minutes of work and not after.
+//! Checks of the files that a command will write, before it starts to work.
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::io::outputs::FileIdentity;
 
-/// Refuses an output that is an input or another output, by whatever link, or whose folder is
-/// not there.
+/// Refuses an output that is an input or another output, also through links, or whose folder does
+/// not exist.
 pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)]) -> Result<()> {
     let mut taken: Vec<FileIdentity> =
         inputs.iter().filter_map(|path| FileIdentity::from_path(path)).collect();
@@ -23,7 +23,7 @@ pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)])
         if path.is_dir() {
             return refuse("is a folder");
         }
-        // Devices such as /dev/null may be named as often as one likes.
+        // Devices such as /dev/null may be named more than once.
         if path.exists() && !path.is_file() {
             continue;
         }
@@ -36,8 +36,8 @@ pub(super) fn check(inputs: &[&Path], outputs: &[(&'static str, Option<&Path>)])
     Ok(())
 }
 
-/// Refuses an output that was not named, but follows from another name, where a file is that
-/// `ours` does not know for one of this program.
+/// Refuses an output path that was derived from another name, if a file is there that `ours` does
+/// not recognise as written by this program.
 pub(super) fn check_default_path(
     option: &'static str,
     path: &Path,
@@ -46,6 +46,6 @@ pub(super) fn check_default_path(
     if !path.exists() || ours(path) {
         return Ok(());
     }
-    let rule = "is there and was not written by this program: move it, or name another place";
+    let rule = "exists and was not written by this program: move it, or choose another path";
     Err(Error::config(option, path.display(), rule))
 }

@@ -1,4 +1,4 @@
-//! `cfreg pairs`: lists of pairs, as they arise.
+//! `cfreg pairs`: lists of pairs of scans.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ pub(super) struct PairsCommand {
 
 #[derive(Subcommand)]
 enum PairingMode {
-    /// Each scan with those before it: consecutive ones, or further apart
+    /// Each scan with earlier scans: the previous one, or ones further back
     Sequence {
-        /// Scans in their order; a folder stands for the clouds in it, by name, 2 before 10
+        /// Scans in order; a folder stands for the clouds in it, sorted by name, 2 before 10
         #[arg(required = true)]
         scans: Vec<PathBuf>,
-        /// How many scans before: 1,2,5 pairs each with the one before, the second and the fifth
+        /// Steps back: 1,2,5 pairs each scan with the previous one, the second and the fifth before it
         #[arg(long, value_name = "STEP,..", value_delimiter = ',', default_value = "1")]
         steps: Vec<usize>,
         /// The list, CSV
@@ -40,10 +40,10 @@ enum PairingMode {
         #[arg(short, long, value_name = "PAIRS.csv")]
         output: PathBuf,
     },
-    /// All pairs of scans that stood near each other by rough poses
+    /// All pairs of scans whose approximate positions are near each other
     Near {
-        /// CSV with the columns cloud, a file relative to this one's folder, and x, y, z, where it
-        /// stood; others are not looked at
+        /// CSV with the columns cloud, a file relative to the folder of this one, and x, y, z, its
+        /// position; other columns are ignored
         poses: PathBuf,
         /// Largest distance, in the unit of x, y, z
         #[arg(long, value_name = "R", allow_negative_numbers = true)]
@@ -80,7 +80,7 @@ impl PairsCommand {
     }
 }
 
-/// Writes the list of these pairs, files as they are seen from its folder.
+/// Writes the list of these pairs, with paths relative to its folder.
 fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<CommandOutcome> {
     let inputs: Vec<&Path> = scans.iter().map(PathBuf::as_path).collect();
     outputs::check(&inputs, &[("output", Some(output))])?;
@@ -90,12 +90,12 @@ fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Com
         let file = canonicalize(file)?;
         let name = file.strip_prefix(&folder).unwrap_or(&file);
         let name = name.to_str().map(String::from);
-        let rule = "its name is not Unicode, and lists are";
+        let rule = "file name is not valid UTF-8";
         name.ok_or_else(|| Error::config("scans", file.display(), rule))
     };
     let names = scans.iter().map(name).collect::<Result<Vec<String>>>()?;
     if pairs.is_empty() {
-        log("cfreg: no pair: the list has its columns alone\n");
+        log("cfreg: no pair was found: the list is empty\n");
     }
     let list = PairList::new(folder, pairs.iter().map(|pair| pair.map(|scan| &names[scan])));
     list.write(output)?;
@@ -103,12 +103,12 @@ fn write(scans: &[PathBuf], pairs: Vec<[usize; 2]>, output: &Path) -> Result<Com
     Ok(CommandOutcome::Trusted)
 }
 
-/// The place itself, whatever links lead there.
+/// Resolves links.
 fn canonicalize(path: &Path) -> Result<PathBuf> {
     fs::canonicalize(path).map_err(|error| Error::io(path, error))
 }
 
-/// Files, and the clouds in folders by name.
+/// Returns the files, and the clouds in folders, sorted by name.
 fn find_clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     const EXTENSIONS: [&str; 4] = ["ply", "pcd", "xyz", "xyzn"];
     let mut files = Vec::new();
@@ -135,7 +135,7 @@ fn find_clouds(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// What names are sorted by: digits as the number they are.
+/// Returns the key that sorts digits by their number.
 fn natural_sort_key(name: &str) -> Vec<(String, u128)> {
     let mut parts = Vec::new();
     let mut rest = name;

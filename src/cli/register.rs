@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::given::GivenOptions;
 use super::options::MethodOptions;
 use super::report_options::ReportOptions;
 use super::{CommandOutcome, input, log, matrix_text, outputs, print, print_json, progress};
 use crate::cloud::{PointCloud, Transform, ViewpointSource};
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
-use crate::method::{Method, Register as _, Registration};
+use crate::method::{Method, Pipeline, Register as _, Registration};
 use crate::report::PairReport;
 use crate::verify::{Decision, Warning};
 use crate::{io, math, par};
@@ -25,6 +26,8 @@ pub(super) struct RegisterCommand {
     target: PathBuf,
     #[command(flatten)]
     method: MethodOptions,
+    #[command(flatten)]
+    given: GivenOptions,
     #[command(flatten)]
     thinning: Downsampling,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
@@ -47,7 +50,7 @@ pub(super) struct RegisterCommand {
     pictures: ReportOptions,
 }
 
-/// What `--json` prints: the registration, and what the command did around it.
+/// The object that `--json` prints: the registration, and the inputs of the command.
 #[derive(Serialize)]
 struct RegisterOutput<'a> {
     #[serde(flatten)]
@@ -56,14 +59,66 @@ struct RegisterOutput<'a> {
     target: String,
     thinning: &'a Downsampling,
     viewpoints: ViewpointSource,
-    /// As a shell takes it.
+    #[serde(flatten)]
+    given: &'a GivenOptions,
+    /// The command line, quoted for a shell.
     command: String,
 }
 
 impl RegisterCommand {
     pub(super) fn run(&self) -> Result<CommandOutcome> {
-        let (method, thinning) = self.method.with_voxel(&self.thinning)?;
-        // Refused before minutes of work, not after.
+        let (method, thinning) = self.method.with_given(&self.thinning, self.given.setting())?;
+        self.given.check(&thinning)?;
+        self.check_files()?;
+        let method = match self.pictures.report {
+            Some(_) => method.with_weight_graph(),
+            None => method,
+        };
+        let threads = self.method.threads.unwrap_or(0);
+        let bar = progress(0, "registering");
+        let (mut registration, clouds) =
+            par::with_threads(threads, || self.register(&method, &thinning))??;
+        bar.finish_and_clear();
+        self.write_poses(&mut registration)?;
+        for doubt in &registration.doubts {
+            log(&format!("cfreg: warning: {doubt}\n"));
+        }
+        if !registration.is_usable() {
+            log(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
+        }
+        let answer = RegisterOutput {
+            registration: &registration,
+            source: self.source.display().to_string(),
+            target: self.target.display().to_string(),
+            thinning: &self.thinning,
+            viewpoints: self.viewpoints,
+            given: &self.given,
+            command: command_line(),
+        };
+        if self.pictures.is_requested() {
+            let bar = progress(0, "drawing");
+            let [source, target] = &clouds;
+            let mut pair = PairReport::new(&registration, source, target);
+            pair.names = [answer.source.clone(), answer.target.clone()];
+            pair.command = Some(answer.command.clone());
+            par::with_threads(threads, || self.pictures.write(&pair))??;
+            bar.finish_and_clear();
+        }
+        if self.json {
+            print_json(&answer)?;
+        } else {
+            log(&summary(&registration));
+            log(&local_text(&registration.transform, &clouds));
+            print(&match self.pose_format {
+                io::PoseFormat::Matrix => matrix_text(&registration.transform.matrix()),
+                other => other.format(&registration.transform)?,
+            })?;
+        }
+        Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
+    }
+
+    /// Refuses outputs that cannot be written, before minutes of work, not after.
+    fn check_files(&self) -> Result<()> {
         if let Some(path) = &self.write_aligned {
             io::check_applicable(&self.source, path)?;
             if self.source.exists() && !self.source.is_file() {
@@ -81,20 +136,38 @@ impl RegisterCommand {
         ];
         let mut inputs = vec![self.source.as_path(), &self.target];
         inputs.extend(self.method.inputs());
-        outputs::check(&inputs, &outputs)?;
-        let threads = self.method.threads.unwrap_or(0);
-        let bar = progress(0, "registering");
-        let (mut registration, clouds) = par::with_threads(threads, || {
-            let start = std::time::Instant::now();
-            let files = [self.source.as_path(), &self.target];
-            let [source, target] =
-                input::read_pair(files, &thinning, self.viewpoints, self.method.keep_no_returns)?;
-            let seconds = start.elapsed().as_secs_f64();
-            let mut registration = method.register(&source, &target)?;
-            registration.time_s.0.insert(0, ("read".into(), seconds));
-            Ok::<_, Error>((registration, [source, target]))
-        })??;
-        bar.finish_and_clear();
+        inputs.extend(self.given.inputs());
+        outputs::check(&inputs, &outputs)
+    }
+
+    /// Reads the files and registers the clouds; returns them too.
+    fn register(
+        &self,
+        method: &Pipeline,
+        thinning: &Downsampling,
+    ) -> Result<(Registration, [PointCloud; 2])> {
+        let start = std::time::Instant::now();
+        let matches = self.given.read_matches()?;
+        let [source, target] = input::read_pair_given(
+            [self.source.as_path(), &self.target],
+            thinning,
+            self.viewpoints,
+            self.method.keep_no_returns,
+            &self.given,
+        )?;
+        let seconds = start.elapsed().as_secs_f64();
+        let mut registration = match matches {
+            Some((pairs, scores)) => {
+                method.register_correspondences(&source, &target, &pairs, scores.as_deref())?
+            }
+            None => method.register(&source, &target)?,
+        };
+        registration.time_s.0.insert(0, ("read".into(), seconds));
+        Ok((registration, [source, target]))
+    }
+
+    /// Writes the matrix and the moved source, where they are asked for.
+    fn write_poses(&self, registration: &mut Registration) -> Result<()> {
         if let Some(path) = &self.output {
             io::write_pose(path, &registration.transform, self.pose_format)?;
         }
@@ -106,45 +179,12 @@ impl RegisterCommand {
             }
             registration.time_s.add("write", start.elapsed().as_secs_f64());
         }
-        for doubt in &registration.doubts {
-            log(&format!("cfreg: not to be trusted: {doubt}\n"));
-        }
-        if !registration.is_usable() {
-            log(&format!("cfreg: try {} (see --help)\n", advice(&registration)));
-        }
-        let answer = RegisterOutput {
-            registration: &registration,
-            source: self.source.display().to_string(),
-            target: self.target.display().to_string(),
-            thinning: &self.thinning,
-            viewpoints: self.viewpoints,
-            command: command_line(),
-        };
-        if self.pictures.is_requested() {
-            let bar = progress(0, "drawing");
-            let json = serde_json::to_string(&answer)
-                .map_err(|error| Error::io("the result", std::io::Error::other(error)))?;
-            let [source, target] = &clouds;
-            let pair = PairReport::new(&json, source, target)?;
-            par::with_threads(threads, || self.pictures.write(&pair))??;
-            bar.finish_and_clear();
-        }
-        if self.json {
-            print_json(&answer)?;
-        } else {
-            log(&summary(&registration));
-            log(&local_text(&registration.transform, &clouds));
-            print(&match self.pose_format {
-                io::PoseFormat::Matrix => matrix_text(&registration.transform.matrix()),
-                other => other.format(&registration.transform)?,
-            })?;
-        }
-        Ok(if registration.is_usable() { CommandOutcome::Trusted } else { CommandOutcome::Doubted })
+        Ok(())
     }
 }
 
-/// The translation about an origin near clouds in map coordinates, where that of their own frame
-/// says little; empty for clouds near zero.
+/// Returns the translation about an origin near clouds in map coordinates, where that of their own
+/// frame says little; empty for clouds near zero.
 fn local_text(transform: &Transform, [source, target]: &[PointCloud; 2]) -> String {
     let origin = target.frame_origin();
     if origin == [0.0; 3] || source.frame_origin() == [0.0; 3] {
@@ -155,7 +195,7 @@ fn local_text(transform: &Transform, [source, target]: &[PointCloud; 2]) -> Stri
     format!("about the origin {a} {b} {c}: translation {x:.4} {y:.4} {z:.4}\n")
 }
 
-/// The command line of this process, as a shell takes it.
+/// Returns the command line of this process, quoted for a shell.
 fn command_line() -> String {
     let words: Vec<String> =
         std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
@@ -164,7 +204,7 @@ fn command_line() -> String {
     shlex::try_join(words).unwrap_or_default()
 }
 
-/// What may help against a doubt, in options that the method takes.
+/// Returns what may help against a warning, in options that the method takes.
 fn advice(registration: &Registration) -> &'static str {
     let as_good =
         |doubt: &Warning| matches!(doubt, Warning::Ambiguous { .. } | Warning::Unobservable { .. });
@@ -176,12 +216,12 @@ fn advice(registration: &Registration) -> &'static str {
         Some(Method::Consensus(_)) if registration.doubts.iter().any(other_scale) => {
             "the source scaled (cfreg convert --transform, 4 by 4 numbers with the scale on the diagonal)"
         }
-        // More seeds would only find the others again.
+        // More seeds would find only the alternatives again.
         Some(Method::Consensus(_)) if registration.doubts.iter().any(as_good) => {
-            "what tells the poses apart: --channels, --direction or --near, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
+            "something that distinguishes the poses: --channels, --direction, --near, or the viewpoints of the sensors (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Some(Method::Consensus(_)) => {
-            "--set seeds=1000, another --voxel, or the sensors' places (VIEWPOINT of PCD, or --viewpoints origin)"
+            "--set seeds=1000, another --voxel, or the viewpoints of the sensors (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Some(Method::Cf(cf)) if cf.features.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"
@@ -194,12 +234,12 @@ fn advice(registration: &Registration) -> &'static str {
             "--normalize both, --refine gicp, another --voxel, or --orientation"
         }
         Some(Method::Teaser(_)) => "--refine gicp, another --set noise_bound, or --orientation",
-        _ => "a start nearer to the pose, such as by --method cf-multiscale --refine",
+        _ => "an initial pose nearer to the result, as by --method cf-multiscale --refine",
     }
 }
 
-/// The result in a few lines: decision and probability first.
-pub(super) fn summary(registration: &Registration) -> String {
+/// Returns the result in a few lines: decision and probability first.
+fn summary(registration: &Registration) -> String {
     let r = registration;
     let mut lines = Vec::new();
     if let Some(verdict) = &r.verdict {

@@ -1,4 +1,4 @@
-//! `cfreg report`: pages of results that were kept.
+//! `cfreg report`: pages of saved results.
 
 use std::path::{Path, PathBuf};
 
@@ -13,21 +13,21 @@ use crate::report::{self, BatchReport, SavedResult};
 
 #[derive(Args)]
 pub(super) struct ReportCommand {
-    /// What `cfreg register --json` printed: a page; or rows of `cfreg batch` (.csv, .jsonl,
-    /// .parquet or a folder of these): a table, the worst first, that opens pages of pairs.
-    /// Clouds are looked for where they were, then from beside this file
+    /// Output of `cfreg register --json`, for a page; or rows of `cfreg batch` (.csv, .jsonl, .parquet
+    /// or a folder of these), for a table, the worst first, with links to pages of pairs. Clouds are
+    /// searched at their paths, then relative to the folder of this file
     result: PathBuf,
-    /// The page, or the folder of the table [default: the result's name with .html, or without
-    /// an ending and -report]
+    /// The page, or the folder of the table [default: the result's name with .html, or with -report
+    /// instead of its extension]
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
-    /// Also write a picture of the clouds before and after, by its extension .png or .svg
+    /// Also write a picture of the clouds before and after registration, .png or .svg
     #[arg(long, value_name = "OUT.png")]
     figure: Option<PathBuf>,
     /// Folder that the files of rows are relative to [default: that of the rows]
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
-    /// Rows, the worst first, that have a page of their own
+    /// Number of rows, the worst first, with a page of their own
     #[arg(long, value_name = "N", default_value_t = 100)]
     pages: usize,
     #[arg(long, value_name = "WHERE", default_value_t, help = input::VIEWPOINTS_HELP)]
@@ -43,7 +43,7 @@ impl ReportCommand {
 
     fn write_table(&self) -> Result<CommandOutcome> {
         if let Some(figure) = &self.figure {
-            let rule = "is of one result, not of rows: leave it out";
+            let rule = "shows one result, and these are rows: leave it out";
             return Err(Error::config("figure", figure.display(), rule));
         }
         let rows = batch::results::read(&self.result)?;
@@ -91,14 +91,14 @@ impl ReportCommand {
         Ok(CommandOutcome::Trusted)
     }
 
-    /// Where a cloud is that the result names.
+    /// Finds a cloud that the result names.
     fn find_cloud(&self, named: &Path) -> Result<PathBuf> {
         let beside = self.result.parent().unwrap_or(Path::new("")).join(named);
         let places = [named.to_path_buf(), beside];
         places.into_iter().find(|place| place.is_file()).ok_or_else(|| {
             let what = format!(
-                "names the cloud {}, which is neither there nor beside this file: put it back, or \
-                 register again with --report",
+                "names the cloud {}, which is neither at that path nor relative to this file: restore \
+                 it, or register again with --report",
                 named.display()
             );
             Error::parse(&self.result, None, what)

@@ -1,4 +1,4 @@
-//! `--report` and `--figure`: what came of a registration, to be looked at.
+//! `--report` and `--figure`: a page and a picture of a registration.
 
 use std::path::{Path, PathBuf};
 
@@ -10,27 +10,27 @@ use crate::report::PairReport;
 
 #[derive(Args, Clone)]
 pub(super) struct ReportOptions {
-    /// Write a page that shows the clouds before and after, whether to trust the pose and why;
-    /// one file, which needs no network
+    /// Write a page with the verdict, its reasons, and the clouds before and after registration; one
+    /// file, which needs no network
     #[arg(long, value_name = "OUT.html")]
     pub(super) report: Option<PathBuf>,
-    /// Write a picture of the clouds before and after, by its extension .png or .svg
+    /// Write a picture of the clouds before and after registration, .png or .svg
     #[arg(long, value_name = "OUT.png")]
     pub(super) figure: Option<PathBuf>,
 }
 
 impl ReportOptions {
-    /// Whether any is wanted.
+    /// Returns whether either is asked for.
     pub(super) fn is_requested(&self) -> bool {
         self.report.is_some() || self.figure.is_some()
     }
 
-    /// Files to be written, by their options.
+    /// Returns the files to be written, by their options.
     pub(super) fn outputs(&self) -> [(&'static str, Option<&Path>); 2] {
         [("report", self.report.as_deref()), ("figure", self.figure.as_deref())]
     }
 
-    /// Refuses a figure of no known kind.
+    /// Refuses a figure of an unknown format.
     pub(super) fn check(&self) -> Result<()> {
         self.figure.as_deref().map_or(Ok(()), |path| figure_format(path).map(|_| ()))
     }

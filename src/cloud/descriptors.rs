@@ -12,6 +12,11 @@ pub struct Descriptors {
     data: Vec<f32>,
 }
 
+/// Largest width of descriptors that a cloud carries: learned descriptors have 32 to 512 values.
+const MAX_WIDTH: usize = 512;
+/// Largest value of descriptors that a cloud carries: squared distances of rows stay finite in f32.
+const MAX_VALUE: f32 = 1e15;
+
 impl Descriptors {
     /// Creates descriptors from rows of length `dim`, one after the other in `data`.
     ///
@@ -130,6 +135,74 @@ impl Descriptors {
         Descriptors::new(dim, (0..expected).flat_map(row).collect())
     }
 
+    /// Scales every row to length 1, so that squared distances are 2 − 2 cos of the angle between
+    /// two rows. A row of zeros stays.
+    ///
+    /// ```
+    /// let descriptors = cfreg::Descriptors::new(2, vec![3.0, 4.0])?;
+    /// assert_eq!(descriptors.normalized().row(0), [0.6, 0.8]);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn normalized(&self) -> Descriptors {
+        let unit = |row: &[f32]| {
+            let square: f64 = row.iter().map(|&x| f64::from(x) * f64::from(x)).sum();
+            let factor = if square > 0.0 { 1.0 / square.sqrt() } else { 0.0 };
+            row.iter().map(|&x| (f64::from(x) * factor) as f32).collect::<Vec<f32>>()
+        };
+        Descriptors { dim: self.dim, data: self.rows().flat_map(unit).collect() }
+    }
+
+    /// Refuses descriptors that a cloud of that many `points` cannot carry.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for another number of rows, [`Error::Config`] for rows of more than 512
+    /// values, for a value beyond ±1e15, and for a row of zeros, which is no descriptor.
+    pub(super) fn check_carried(&self, points: usize) -> Result<()> {
+        if self.dim > MAX_WIDTH {
+            let rule = format!("values a row: at most {MAX_WIDTH} are possible");
+            return Err(Error::config("descriptors", self.dim, rule));
+        }
+        self.check_count(points)?;
+        if let Some(far) = self.data.iter().find(|value| value.abs() > MAX_VALUE) {
+            return Err(Error::config("descriptors", far, "must be within +-1e15"));
+        }
+        match self.rows().position(|row| row.iter().all(|&value| value == 0.0)) {
+            Some(row) => {
+                let rule = "has zeros only, which is no descriptor: leave that point out";
+                Err(Error::config("descriptors", format!("row {row}"), rule))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses another number of rows than one for each of `points`.
+    pub(super) fn check_count(&self, points: usize) -> Result<()> {
+        if self.len() == points {
+            return Ok(());
+        }
+        let what = "rows of descriptors for the points of a cloud".into();
+        Err(Error::Shape { what, expected: points, found: self.len() })
+    }
+
+    /// Returns a row for each of `groups`, the weighted mean of its members' rows, as
+    /// `(index, share)` with shares that sum to 1.
+    pub(crate) fn means<M>(&self, groups: impl Iterator<Item = M>) -> Descriptors
+    where
+        M: Iterator<Item = (usize, f64)>,
+    {
+        let mut data = Vec::new();
+        let mut mean = vec![0.0; self.dim];
+        for members in groups {
+            mean.fill(0.0);
+            for (i, share) in members {
+                let row = self.row(i);
+                mean.iter_mut().zip(row).for_each(|(sum, &x)| *sum += share * f64::from(x));
+            }
+            data.extend(mean.iter().map(|&x| x as f32));
+        }
+        Descriptors { dim: self.dim, data }
+    }
+
     /// Returns the rows at `indices`, in that order.
     ///
     /// # Panics
@@ -162,6 +235,29 @@ mod tests {
         assert_eq!(both(1e19).to_string(), message);
         assert!(matches!(Descriptors::from_f64_pair(0, &[1.0], &[]), Err(Error::Shape { .. })));
         assert!(matches!(Descriptors::from_f64_pair(2, &[1.0], &[]), Err(Error::Shape { .. })));
+    }
+
+    #[test]
+    fn clouds_carry_rows_that_can_be_compared() {
+        let rows = |dim, values: Vec<f32>| Descriptors::new(dim, values).unwrap();
+        let refused =
+            |table: Descriptors, points| table.check_carried(points).unwrap_err().to_string();
+        assert!(rows(512, vec![1.0; 1024]).check_carried(2).is_ok());
+        let wide = refused(rows(513, vec![1.0; 513]), 1);
+        assert_eq!(wide, "descriptors = 513: values a row: at most 512 are possible");
+        assert!(refused(rows(2, vec![1.0; 4]), 3).ends_with("expected 3, found 2"));
+        let zero = refused(rows(2, vec![1.0, 0.0, 0.0, 0.0]), 2);
+        assert!(zero.starts_with("descriptors = row 1: has zeros only"), "{zero}");
+        assert!(refused(rows(1, vec![1e16]), 1).contains("within +-1e15"));
+    }
+
+    #[test]
+    fn means_and_unit_rows_are_those_of_the_rows() {
+        let table = Descriptors::new(2, vec![1.0, 0.0, 3.0, 4.0, 0.0, 0.0]).unwrap();
+        let groups = [vec![(0, 0.5), (1, 0.5)], vec![(2, 1.0)]];
+        let means = table.means(groups.iter().map(|group| group.iter().copied()));
+        assert_eq!(means.as_slice(), [2.0, 2.0, 0.0, 0.0]);
+        assert_eq!(table.normalized().as_slice(), [1.0, 0.0, 0.6, 0.8, 0.0, 0.0]);
     }
 
     #[test]

@@ -4,8 +4,10 @@ mod bin;
 mod fpfh;
 mod layout;
 mod pair_features;
+mod prepared;
 mod spfh;
 
 pub use fpfh::{HistogramScale, fpfh, fpfh_at};
 pub(crate) use layout::mirrored_rows;
 pub use layout::{BINS, BLOCK};
+pub use prepared::{Descriptor, Fpfh, PreparedCloud};

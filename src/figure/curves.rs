@@ -57,30 +57,48 @@ pub(super) fn draw<B: DrawingBackend>(
         .axis_desc_style((FONT, 14))
         .draw()?;
 
-    let area = chart.plotting_area();
     for (k, curve) in with_color_index(curves) {
-        if curve.band.len() == curve.points.len() {
-            let ends = curve.points.iter().zip(&curve.band).filter(|(p, _)| x.can_show(p[0]));
-            let low = ends.clone().map(|(p, band)| (p[0], band[0]));
-            let high = ends.rev().map(|(p, band)| (p[0], band[1]));
-            let outline: Vec<_> = low.chain(high).collect();
-            area.draw(&Polygon::new(outline, colour(curve, k).mix(0.15)))?;
-        }
-        let shown = |p: &&[f64; 2]| x.can_show(p[0]) && y.can_show(p[1]);
-        let path: Vec<_> = curve.points.iter().filter(shown).map(|&[x, y]| (x, y)).collect();
-        stroke(area, curve, k, path.clone())?;
-        if !curve.guide {
-            path.into_iter().try_for_each(|at| mark(area, at, k))?;
-        }
+        draw_curve(chart.plotting_area(), [x, y], curve, k)?;
     }
+    draw_legend(&names, place.dim_in_pixel().1 as i32, curves)
+}
 
-    let top = (place.dim_in_pixel().1 as i32 - LINE * curves.len() as i32).max(2 * LINE) / 2;
+/// Draws the band, the line and the marks of the `k`-th curve, where the axes can show them.
+fn draw_curve<B: DrawingBackend>(
+    area: &DrawingArea<B, Cartesian2d<Axis, Axis>>,
+    [x, y]: [Axis; 2],
+    curve: &Curve,
+    k: usize,
+) -> Drawn<B> {
+    if curve.band.len() == curve.points.len() {
+        let ends = curve.points.iter().zip(&curve.band).filter(|(p, _)| x.can_show(p[0]));
+        let low = ends.clone().map(|(p, band)| (p[0], band[0]));
+        let high = ends.rev().map(|(p, band)| (p[0], band[1]));
+        let outline: Vec<_> = low.chain(high).collect();
+        area.draw(&Polygon::new(outline, colour(curve, k).mix(0.15)))?;
+    }
+    let shown = |p: &&[f64; 2]| x.can_show(p[0]) && y.can_show(p[1]);
+    let path: Vec<_> = curve.points.iter().filter(shown).map(|&[x, y]| (x, y)).collect();
+    stroke(area, curve, k, path.clone())?;
+    if !curve.guide {
+        path.into_iter().try_for_each(|at| mark(area, at, k))?;
+    }
+    Ok(())
+}
+
+/// Draws the names of the curves in the middle of `height`.
+fn draw_legend<B: DrawingBackend>(
+    names: &DrawingArea<B, Shift>,
+    height: i32,
+    curves: &[Curve],
+) -> Drawn<B> {
+    let top = (height - LINE * curves.len() as i32).max(2 * LINE) / 2;
     let named = with_color_index(curves).filter(|(_, curve)| !curve.name.is_empty());
     for (row, (k, curve)) in named.enumerate() {
         let at = top + LINE * row as i32;
-        stroke(&names, curve, k, vec![(0, at), (PIECE, at)])?;
+        stroke(names, curve, k, vec![(0, at), (PIECE, at)])?;
         if !curve.guide {
-            mark(&names, (PIECE / 2, at), k)?;
+            mark(names, (PIECE / 2, at), k)?;
         }
         names.draw(&Text::new(curve.name.as_str(), (PIECE + 8, at), text()))?;
     }

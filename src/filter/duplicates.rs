@@ -12,6 +12,7 @@ use crate::math::{self, Vec3};
 /// Drivers of depth cameras and LiDARs write a row for every pixel or pulse, and one fixed
 /// position, mostly (0, 0, 0), for those without a return.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct NoReturns {
     /// The position, in the cloud's own frame.
     pub place: Vec3,
@@ -132,8 +133,8 @@ pub(crate) fn select_returns(cloud: &PointCloud) -> Option<PointCloud> {
     Some(cloud.select(&rest).with_no_returns(cloud.len() - rest.len()))
 }
 
-/// Keeps one point a position, in the order of the first rows: normals and channels are means,
-/// weights add up. `None` if fewer than a tenth of the rows repeat a position, because no change is
+/// Keeps one point a position, in the order of the first rows: normals, channels and
+/// descriptors are means, weights add up. `None` if fewer than a tenth of the rows repeat a position, because no change is
 /// needed.
 ///
 /// Meshes whose faces do not share vertices and clouds of few decimals contain every position
@@ -177,10 +178,16 @@ fn merge_rows(cloud: &PointCloud, members: &[Vec<usize>]) -> Result<PointCloud> 
         let mean = |rows: &Vec<usize>| (total(values, rows) / rows.len() as f64) as f32;
         members.iter().map(mean).collect()
     });
+    let shares = |rows: &Vec<usize>| {
+        let share = 1.0 / rows.len() as f64;
+        rows.clone().into_iter().map(move |i| (i, share))
+    };
+    let descriptors = cloud.descriptors().map(|rows| rows.means(members.iter().map(shares)));
     let has = Attributes {
         normals: normals.as_deref(),
         weights: weights.as_deref(),
         channels: Some(&channels),
+        descriptors: descriptors.as_ref(),
     };
     cloud.with_points(&places, has)
 }

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::{FxHashMap, FxHashSet};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::{Attributes, PointCloud};
 use crate::error::{Error, Result};
@@ -17,7 +17,8 @@ pub use self::duplicates::{NoReturns, find_no_returns, remove_no_returns};
 pub(crate) use self::duplicates::{merge_duplicate_points, select_returns};
 
 /// Downsampling of a cloud.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Downsampling {
     /// Side of the voxels of which one point (the mean) is kept, in the cloud's unit.
     pub voxel: Option<f64>,
@@ -57,8 +58,8 @@ impl Downsampling {
     }
 }
 
-/// Keeps one point per occupied voxel of side `size`: the mean of the points (and normals, and
-/// channels) in it, voxels in the order of their first point. For points with weights these are
+/// Keeps one point per occupied voxel of side `size`: the mean of the points (and normals,
+/// channels and descriptors) in it, voxels in the order of their first point. For points with weights these are
 /// weighted means, and the weights of a voxel add up; if all weights are 0, the means are
 /// unweighted.
 ///
@@ -100,10 +101,21 @@ pub fn voxel_grid(cloud: &PointCloud, size: f64) -> Result<PointCloud> {
         let means = means(&|i| [f64::from(values[i]), 0.0, 0.0]);
         means.into_iter().map(|[value, ..]| value as f32).collect()
     });
+    let shares = |cell: usize| {
+        let within = &members[cell];
+        let total = totals.as_ref().map_or(0.0, |totals| totals[cell]);
+        let share = move |i: usize| match cloud.weights() {
+            Some(weights) if total > 0.0 => f64::from(weights[i]) / total,
+            _ => 1.0 / within.len() as f64,
+        };
+        within.iter().map(move |&i| (i, share(i)))
+    };
+    let descriptors = cloud.descriptors().map(|rows| rows.means((0..members.len()).map(shares)));
     let has = Attributes {
         normals: normals.as_deref(),
         weights: totals.as_deref(),
         channels: Some(&channels),
+        descriptors: descriptors.as_ref(),
     };
     cloud.with_points(&points, has)
 }

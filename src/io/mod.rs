@@ -26,6 +26,8 @@
 //! Clouds have no other contents of a file: faces and other elements, lists, comments, the grid of
 //! an organised PCD. [`differences()`] lists the data that [`write()`] leaves out or changes.
 //!
+//! [`read_array`] takes tables of numbers of NPY: descriptors and correspondences from elsewhere.
+//!
 //! Headers are not trusted: a count or size in a header is checked against the bytes present before
 //! memory is taken, and any error is an [`Error::Parse`] with its line or byte. Memory is at most
 //! about ten times the file; a compressed PCD that unpacks to more than that and 64 MiB is refused.
@@ -33,6 +35,7 @@
 //! [`MAX_PIPE_BYTES`] bytes; devices are not read.
 
 mod apply;
+mod arrays;
 mod bin;
 mod cells;
 mod columns;
@@ -80,6 +83,7 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 
 pub use apply::{Moved, apply, check_applicable};
+pub use arrays::{NumericArray, ScoredPairs, read_array, read_correspondences, read_descriptors};
 use content_error::MAX_HEADER_BYTES;
 pub(crate) use content_error::{quote_start, truncate_message};
 #[cfg(feature = "batch")]

@@ -115,6 +115,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+impl<'a> Cached<'a> {
+    /// Takes `cache` if there is none.
+    pub(super) fn or_cache(self, cache: &'a Cache) -> Self {
+        Cached { cache: self.cache.or(Some(cache)), ..self }
+    }
+}
+
 impl<'a> From<&'a PointCloud> for Cached<'a> {
     fn from(cloud: &'a PointCloud) -> Self {
         Cached { cloud, cache: None }

@@ -87,21 +87,26 @@ impl Method {
         }
     }
 
-    /// Returns the search that verifies poses of the method, with its channels and its prior.
+    /// Returns the search that verifies poses of the method, with its channels, its use of the
+    /// descriptors that clouds carry, and its prior.
     pub fn verifier(&self) -> Consensus {
-        let (prior, channels) = match self {
+        let (prior, features) = match self {
             Method::Consensus(method) => return method.clone(),
-            Method::Cf(method) => (method.prior, &method.features.channels[..]),
-            Method::CfSpectral(method) => (method.prior, &method.features.channels[..]),
-            Method::Cfk(method) => (method.cf.prior, &method.cf.features.channels[..]),
-            Method::Teaser(method) => (method.prior, &method.features.channels[..]),
-            Method::Icp(method) => (method.prior, &[][..]),
-            Method::Kc(method) => (method.prior, &[][..]),
-            Method::Cpd(method) => (method.prior, &[][..]),
-            Method::Dare(method) => (method.prior, &[][..]),
+            Method::Cf(method) => (method.prior, Some(&method.features)),
+            Method::CfSpectral(method) => (method.prior, Some(&method.features)),
+            Method::Cfk(method) => (method.cf.prior, Some(&method.cf.features)),
+            Method::Teaser(method) => (method.prior, Some(&method.features)),
+            Method::Icp(method) => (method.prior, None),
+            Method::Kc(method) => (method.prior, None),
+            Method::Cpd(method) => (method.prior, None),
+            Method::Dare(method) => (method.prior, None),
         };
-        let prior = Prior { scale: None, ..prior };
-        Consensus { prior, channels: channels.to_vec(), ..Consensus::default() }
+        Consensus {
+            prior: Prior { scale: None, ..prior },
+            channels: features.map_or_else(Vec::new, |features| features.channels.clone()),
+            given_descriptors: features.and_then(|features| features.given_descriptors),
+            ..Consensus::default()
+        }
     }
 
     /// Returns whether a registration takes about as long as a [verdict](super::Consensus::verify)

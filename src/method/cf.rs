@@ -46,7 +46,8 @@ pub struct Cf {
     pub weights: WeightScheme,
     /// Squared bandwidth β of the kernel, in squared descriptor units, 1e-12 to 1e12, or a rule by
     /// which it follows from the descriptors ([`Bandwidth::Auto`]). Default that of the histogram's
-    /// scale ([`HistogramScale::default_beta`]: the paper's 100). A smaller β trusts fewer, more
+    /// scale ([`HistogramScale::default_beta`]: the paper's 100), and [`Bandwidth::Auto`] where the
+    /// clouds' own descriptors replace FPFH. A smaller β trusts fewer, more
     /// similar pairs; raise it when the weights vanish or the effective connections fall below the
     /// number of points.
     ///
@@ -112,9 +113,13 @@ impl Cf {
         Cf { beta: Some(self.bandwidth()), ..self.clone() }
     }
 
-    /// Returns the bandwidth; the histogram's default if none is set.
+    /// Returns the bandwidth; if none is set, the histogram's default, or that of the descriptors
+    /// that replace FPFH.
     pub fn bandwidth(&self) -> Bandwidth {
-        self.beta.unwrap_or_else(|| self.features.histogram.default_beta().into())
+        self.beta.unwrap_or_else(|| match self.features.replaces_fpfh() {
+            true => Bandwidth::Auto(Bandwidth::DEFAULT_SHARE),
+            false => self.features.histogram.default_beta().into(),
+        })
     }
 
     /// Checks the ranges.

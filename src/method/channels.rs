@@ -5,7 +5,6 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::{Descriptors, PointCloud};
-use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 
 /// A channel by which points are compared, and its relative influence.
@@ -92,6 +91,8 @@ pub(super) fn channel_values<'a>(
 #[derive(Clone, Copy)]
 pub(super) struct DescriptorsWithChannels<'a> {
     pub(super) descriptors: &'a Descriptors,
+    /// Descriptors that the cloud carries, to stand beside.
+    pub(super) beside: Option<&'a Descriptors>,
     /// Values at the points, channel by channel.
     pub(super) channels: &'a [Vec<f32>],
 }
@@ -114,22 +115,34 @@ fn mean_and_std<'a, V: Iterator<Item = f64> + 'a>(
     (mean, ((squares(a) + squares(b)) / n).sqrt())
 }
 
-/// Appends scaled channels to the descriptors of both clouds, see
-/// [`FeatureConfig::concatenate_channels`]; `histogram` is that of the descriptors.
+/// Root mean square distance of all rows of both sides of a table from their common mean.
+fn root_mean_square_spread<'a>(
+    sides: &'a [DescriptorsWithChannels<'a>; 2],
+    table: impl Fn(&'a DescriptorsWithChannels<'a>) -> &'a Descriptors + Copy,
+) -> f64 {
+    let dims = table(&sides[0]).dim().min(table(&sides[1]).dim());
+    let columns = (0..dims).map(|d| {
+        mean_and_std(sides, move |side| table(side).rows().map(move |row| f64::from(row[d])))
+    });
+    columns.map(|(_, spread)| spread * spread).sum::<f64>().sqrt()
+}
+
+/// Appends to the descriptors of both clouds the scaled descriptors that the clouds carry, where
+/// they stand beside, and the scaled channels, see [`FeatureConfig::concatenate_channels`]. The
+/// spread of the descriptors counts as at least `min_spread`.
 ///
 /// # Errors
 /// Those of [`Descriptors::new`].
 pub(super) fn concatenate_scaled_channels(
     channels: &[Channel],
-    histogram: HistogramScale,
+    min_spread: f64,
     sides: [DescriptorsWithChannels<'_>; 2],
 ) -> Result<[Descriptors; 2]> {
-    let dims = sides[0].descriptors.dim().min(sides[1].descriptors.dim());
-    let bins = (0..dims).map(|d| {
-        mean_and_std(&sides, move |side| side.descriptors.rows().map(move |row| f64::from(row[d])))
-    });
-    let fpfh = bins.map(|(_, spread)| spread * spread).sum::<f64>().sqrt();
-    let whole = fpfh.max(histogram.default_beta().sqrt());
+    let whole = root_mean_square_spread(&sides, |side| side.descriptors).max(min_spread);
+    // Without any spread the channels alone decide.
+    let whole = if whole > 0.0 { whole } else { 1.0 };
+    let beside = root_mean_square_spread(&sides, |side| side.beside.unwrap_or(side.descriptors));
+    let beside = if beside > 0.0 { whole / beside } else { 0.0 };
     let scales: Vec<(f64, f64)> = (0..channels.len())
         .map(|c| {
             let (mean, spread) = mean_and_std(&sides, move |side| side.channel(c));
@@ -138,14 +151,17 @@ pub(super) fn concatenate_scaled_channels(
             (mean, if same { 0.0 } else { channels[c].share * whole / spread })
         })
         .collect();
-    let beside = |side: &DescriptorsWithChannels<'_>| {
+    let joined = |side: &DescriptorsWithChannels<'_>| {
         let values = (0..side.descriptors.len()).flat_map(|i| {
             let channels = side.channels.iter().zip(&scales);
             let scaled =
                 channels.map(move |(values, (mean, scale))| (f64::from(values[i]) - mean) * scale);
-            side.descriptors.row(i).iter().copied().chain(scaled.map(|x| x as f32))
+            let given = side.beside.map_or(&[][..], |rows| rows.row(i));
+            let given = given.iter().map(|&x| (f64::from(x) * beside) as f32);
+            side.descriptors.row(i).iter().copied().chain(given).chain(scaled.map(|x| x as f32))
         });
-        Descriptors::new(side.descriptors.dim() + scales.len(), values.collect())
+        let given = side.beside.map_or(0, Descriptors::dim);
+        Descriptors::new(side.descriptors.dim() + given + scales.len(), values.collect())
     };
-    Ok([beside(&sides[0])?, beside(&sides[1])?])
+    Ok([joined(&sides[0])?, joined(&sides[1])?])
 }

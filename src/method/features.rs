@@ -1,21 +1,25 @@
 //! A cloud with its descriptors: computed once, used for any number of pairs.
 
+mod describe;
+
 use serde::{Deserialize, Serialize};
 
 use std::sync::Arc;
 
+use self::describe::DescribedPoints;
 use super::cache::{Cached, HeapSize};
 use super::channels::{
     Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
 };
+use super::given_descriptors::{DescriptorRole, GivenDescriptors};
 use super::registration::{CloudCounts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
-use crate::descriptor::{HistogramScale, fpfh_at};
+use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::keypoint::Keypoints;
 use crate::moments::{FeatureView, FullConnection};
-use crate::normals::{self, Normals, Orientation, OrientedBy};
-use crate::search::{Neighborhood, Neighbors};
+use crate::normals::{Orientation, OrientedBy};
+use crate::search::Neighborhood;
 
 /// Settings of the descriptors of a cloud: normals, then FPFH.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,6 +43,10 @@ pub struct FeatureConfig {
     /// Channels of the clouds ([`PointCloud::channels`]) by which points are compared too, such as
     /// intensity and colours; default none. Channels resolve ambiguous shapes.
     pub channels: Vec<Channel>,
+    /// Use of the descriptors that both clouds carry, such as learned ones
+    /// ([`PointCloud::with_descriptors`]); default none: they are not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_descriptors: Option<GivenDescriptors>,
 }
 
 /// An additional scale at which points are described.
@@ -60,6 +68,7 @@ impl Default for FeatureConfig {
             orientation: Orientation::default(),
             histogram: HistogramScale::default(),
             channels: Vec::new(),
+            given_descriptors: None,
         }
     }
 }
@@ -69,14 +78,17 @@ impl Default for FeatureConfig {
 pub struct FeatureCloud {
     points: Vec<[f32; 3]>,
     origin: [f64; 3],
-    /// Unit normals of the points, those of the first scale.
-    normals: Vec<[f32; 3]>,
+    /// Unit normals of the points, those of the first scale; `None` if no normals were needed.
+    normals: Option<Vec<[f32; 3]>>,
     pub(super) descriptors: Descriptors,
     /// Weights of the points relative to the mean over the cloud; `None` if the cloud has no
     /// weights.
     weights: Option<Vec<f32>>,
     /// Values of [`FeatureConfig::channels`] at the points, until they are concatenated.
     pub(super) channels: Vec<Vec<f32>>,
+    /// Descriptors that the cloud carries at the points, to stand beside, until they are
+    /// concatenated.
+    beside: Option<Descriptors>,
     counts: CloudCounts,
 }
 
@@ -108,7 +120,9 @@ impl FeatureConfig {
     /// # Errors
     /// [`Error::TooFewPoints`] for fewer than three points, [`Error::Degenerate`] when no point has
     /// a defined normal (all on a line or at one position), [`Error::Config`] when the cloud lacks
-    /// one of [`channels`](Self::channels), and those of [`normals::estimate`].
+    /// one of [`channels`](Self::channels) or carries no descriptors for
+    /// [`given_descriptors`](Self::given_descriptors), and those of
+    /// [`normals::estimate`](crate::normals::estimate).
     pub fn extract(
         &self,
         cloud: &PointCloud,
@@ -131,6 +145,28 @@ impl FeatureConfig {
         detector: Option<&Keypoints>,
         times: &mut Timings,
     ) -> Result<FeatureCloud> {
+        self.extract_points(cloud, name, detector, false, times)
+    }
+
+    /// Computes descriptors as [`extract`](Self::extract), at points with a defined normal, even if
+    /// the descriptors that the cloud carries need none.
+    pub(super) fn extract_with_normals(
+        &self,
+        cloud: &PointCloud,
+        name: &str,
+        times: &mut Timings,
+    ) -> Result<FeatureCloud> {
+        self.extract_points(cloud, name, None, true, times)
+    }
+
+    fn extract_points(
+        &self,
+        cloud: &PointCloud,
+        name: &str,
+        detector: Option<&Keypoints>,
+        needs_normals: bool,
+        times: &mut Timings,
+    ) -> Result<FeatureCloud> {
         self.validate()?;
         let points = cloud.points();
         if points.len() < 3 {
@@ -138,92 +174,48 @@ impl FeatureConfig {
             return Err(Error::TooFewPoints { what: name.into(), found, needed: 3 });
         }
         let channels = channel_values(&self.channels, cloud, name)?;
-        let find = |neighborhood| Neighbors::find(points, neighborhood);
-        let neighbors = times.time("neighbors", || find(self.neighborhood))?;
-        // One search is enough if both neighbourhoods are equal; stored normals need none.
-        let estimated = |around: &Neighbors, at, normal: Option<Neighborhood>, t: &mut Timings| {
-            let stored = self.orientation == Orientation::Stored;
-            let own = match normal.filter(|&normal| normal != at && !stored) {
-                Some(normal) => Some(t.time("neighbors", || find(normal))?),
-                None => None,
-            };
-            let around = own.as_ref().unwrap_or(around);
-            t.time("normals", || normals::estimate(cloud, around, self.orientation))
+        let given = self.given_descriptors.map(|given| given.rows(cloud, name)).transpose()?;
+        let described = match (&given, self.replaces_fpfh() && !needs_normals, detector) {
+            (Some(given), true, None) => DescribedPoints::given(given),
+            _ => self.describe(cloud, name, detector, given.as_deref(), times)?,
         };
-        let normals = estimated(&neighbors, self.neighborhood, self.normal_neighborhood, times)?;
-        if normals.undefined_count() == points.len() {
-            let radius = match self.normal_neighborhood.unwrap_or(self.neighborhood) {
-                Neighborhood::Radius(radius) | Neighborhood::Hybrid { radius, .. } => Some(radius),
-                Neighborhood::Nearest(_) => None,
-            };
-            if let Some(radius) = radius {
-                let rule = format!("holds no plane around any point of {name}: use a larger one");
-                return Err(Error::config("radius", radius, rule));
-            }
-            return Err(Error::Degenerate { rank: 0, singular_values: [0.0; 3] });
-        }
-        let rows = match detector {
-            None => (0..points.len()).collect(),
-            Some(detector) => times.time("keypoints", || {
-                // Stored normals come without curvature.
-                let viewpoint = Orientation::Viewpoint;
-                let estimated = match normals.curvature.is_empty() {
-                    true => Some(normals::estimate(cloud, &neighbors, viewpoint)?),
-                    false => None,
-                };
-                detector.detect(points, &estimated.as_ref().unwrap_or(&normals).curvature)
-            })?,
-        };
-        let described_by = |normals: &Normals, neighbors: &Neighbors| {
-            fpfh_at(points, &normals.vectors, neighbors, &rows, self.histogram)
-        };
-        let mut tables = vec![times.time("descriptors", || described_by(&normals, &neighbors))?];
-        let mut defined: Vec<bool> = rows.iter().map(|&row| normals.is_defined(row)).collect();
-        for scale in &self.more_scales {
-            let neighbors = times.time("neighbors", || find(scale.neighborhood))?;
-            let own = match scale.normal_neighborhood {
-                Some(normal) => {
-                    Some(estimated(&neighbors, scale.neighborhood, Some(normal), times)?)
-                }
-                None => None,
-            };
-            let normals = own.as_ref().unwrap_or(&normals);
-            defined.iter_mut().zip(&rows).for_each(|(is, &row)| *is &= normals.is_defined(row));
-            tables.push(times.time("descriptors", || described_by(normals, &neighbors))?);
-        }
-        let there = |table: &Descriptors, at| table.row(at).iter().any(|&bin| bin != 0.0);
-        let defined = |&at: &usize| defined[at] && tables.iter().all(|table| there(table, at));
-        let described: Vec<usize> = (0..rows.len()).filter(defined).collect();
-        if let Some(detector) = detector.filter(|_| described.len() < 3) {
+        let DescribedPoints { rows, descriptors, normals, keypoints, oriented_by } = described;
+        if let Some(detector) = detector.filter(|_| rows.len() < 3) {
             let what = format!(
                 "{name}, by the keypoint detector {} (lower its thresholds, choose another, or \
                  use cf)",
                 detector.name()
             );
-            return Err(Error::TooFewPoints { what, found: described.len(), needed: 3 });
+            return Err(Error::TooFewPoints { what, found: rows.len(), needed: 3 });
         }
         let neighbors = match self.neighborhood {
             Neighborhood::Nearest(k) => Some(k.min(points.len())),
             Neighborhood::Radius(_) | Neighborhood::Hybrid { .. } => None,
         };
-        let at_points = |values: &[f32]| described.iter().map(|&at| values[rows[at]]).collect();
+        let at_points = |values: &[f32]| rows.iter().map(|&row| values[row]).collect();
         Ok(FeatureCloud {
             weights: cloud.relative_weights().map(|weights| at_points(&weights)),
             channels: channels.into_iter().map(at_points).collect(),
-            points: described.iter().map(|&at| points[rows[at]]).collect(),
-            normals: described.iter().map(|&at| normals.vectors[rows[at]]).collect(),
+            beside: given.filter(|_| !self.replaces_fpfh()).map(|given| given.select(&rows)),
+            points: rows.iter().map(|&row| points[row]).collect(),
+            normals: normals.map(|normals| rows.iter().map(|&row| normals[row]).collect()),
             origin: cloud.origin(),
-            descriptors: Descriptors::concatenate(&tables)?.select(&described),
+            descriptors,
             counts: CloudCounts {
                 dropped: cloud.dropped(),
                 no_returns: cloud.no_returns(),
                 used: points.len(),
-                keypoints: detector.map(|_| rows.len()),
-                described: described.len(),
-                neighbors,
-                oriented_by: Some(normals.oriented_by),
+                keypoints,
+                described: rows.len(),
+                neighbors: neighbors.filter(|_| oriented_by.is_some()),
+                oriented_by,
             },
         })
+    }
+
+    /// Whether the descriptors that the clouds carry take the place of FPFH.
+    pub(super) fn replaces_fpfh(&self) -> bool {
+        self.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Replace)
     }
 }
 
@@ -234,7 +226,9 @@ struct FeatureKey(FeatureConfig, Option<Keypoints>);
 impl HeapSize for FeatureCloud {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
-        self.points.len() * 4 * (6 + self.descriptors.dim() + single)
+        let beside = self.beside.as_ref().map_or(0, Descriptors::dim);
+        let own = if self.normals.is_some() { 6 } else { 3 };
+        self.points.len() * 4 * (own + self.descriptors.dim() + beside + single)
     }
 }
 
@@ -250,16 +244,31 @@ impl FeatureConfig {
         detector: Option<&Keypoints>,
         times: &mut Timings,
     ) -> Result<[Arc<FeatureCloud>; 2]> {
+        if let Some(given) = self.given_descriptors {
+            given.check_pair(source.cloud, target.cloud)?;
+        }
         let mut prepare = |side: Cached<'_>, name| {
             side.get_or_compute(FeatureKey(self.clone(), detector.copied()), || {
                 self.extract_at_keypoints(side.cloud, name, detector, times)
             })
         };
         let sides = [prepare(source, "the source")?, prepare(target, "the target")?];
-        if self.channels.is_empty() {
+        self.with_channels(sides)
+    }
+
+    /// Appends the channels of both clouds of a pair to their descriptors, and the descriptors that
+    /// they carry, if those stand beside.
+    ///
+    /// # Errors
+    /// Those of [`concatenate_channels`](Self::concatenate_channels).
+    pub(super) fn with_channels(
+        &self,
+        sides: [Arc<FeatureCloud>; 2],
+    ) -> Result<[Arc<FeatureCloud>; 2]> {
+        if self.channels.is_empty() && sides[0].beside.is_none() {
             return Ok(sides);
         }
-        // The scale of a channel depends on both clouds.
+        // The scale of a channel depends on both clouds: what is cached is unchanged.
         Ok(self.concatenate_channels(sides.map(|side| FeatureCloud::clone(&side)))?.map(Arc::new))
     }
 }
@@ -285,9 +294,10 @@ impl FeatureCloud {
             .with_point_weights(self.weights(), target.weights())
     }
 
-    /// Returns the unit normals of the points, those of the first scale.
-    pub fn normals(&self) -> &[[f32; 3]] {
-        &self.normals
+    /// Returns the unit normals of the points, those of the first scale; `None` if the descriptors
+    /// that the cloud carries replace FPFH, and no normals were estimated.
+    pub fn normals(&self) -> Option<&[[f32; 3]]> {
+        self.normals.as_deref()
     }
 
     /// Replaces the counts up to the points that were used by those of `whole`, of which this is
@@ -311,8 +321,8 @@ impl FeatureCloud {
 }
 
 impl FeatureConfig {
-    /// Puts the channels of both clouds beside their descriptors; without
-    /// [`channels`](Self::channels) nothing changes.
+    /// Puts the channels of both clouds beside their descriptors, and the descriptors that the
+    /// clouds carry where those stand beside FPFH; without either nothing changes.
     ///
     /// With S the root mean square distance of all descriptors of both clouds from their common
     /// mean, at least the root of the histogram's own β
@@ -321,12 +331,14 @@ impl FeatureConfig {
     /// deviation over both clouds and multiplied by its share times S. With a share of 1 two
     /// points differ in the mean by the channel as much as by FPFH, whatever its unit;
     /// d² = d²_FPFH + Σ (share S Δ/σ)². A channel that is the same everywhere says nothing.
+    /// Descriptors that the clouds carry are scaled likewise, with a share of 1; where they replace
+    /// FPFH, S is theirs, without a minimum.
     ///
     /// # Errors
     /// [`Error::Shape`] for sides that were not described by these settings, and those of
     /// [`Descriptors::new`].
     pub fn concatenate_channels(&self, mut sides: [FeatureCloud; 2]) -> Result<[FeatureCloud; 2]> {
-        if self.channels.is_empty() {
+        if self.channels.is_empty() && sides.iter().all(|side| side.beside.is_none()) {
             return Ok(sides);
         }
         for side in &sides {
@@ -338,12 +350,18 @@ impl FeatureConfig {
         }
         let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
             descriptors: &side.descriptors,
+            beside: side.beside.as_ref(),
             channels: &side.channels,
         });
-        let joined = concatenate_scaled_channels(&self.channels, self.histogram, compared)?;
+        let min_spread = match self.replaces_fpfh() {
+            true => 0.0,
+            false => self.histogram.default_beta().sqrt(),
+        };
+        let joined = concatenate_scaled_channels(&self.channels, min_spread, compared)?;
         for (side, descriptors) in sides.iter_mut().zip(joined) {
             side.descriptors = descriptors;
             side.channels.clear();
+            side.beside = None;
         }
         Ok(sides)
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::registration::{PointCounts, Registration, Timings};
 use super::{MethodRecord, Refine, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
@@ -162,14 +162,12 @@ impl KernelCorrelation {
             let (objective, bandwidth) = (moments.weight, Some(sigma));
             let settled = objective - before <= self.tolerance * objective;
             before = objective;
-            let mut stop = None;
-            if settled || in_level == self.max_iterations {
-                if sigma <= last {
-                    stop = Some(match settled {
-                        true => StopReason::ScheduleEnded,
-                        false => StopReason::IterationLimit,
-                    });
-                }
+            let ends_level = settled || in_level == self.max_iterations;
+            let stop = (ends_level && sigma <= last).then_some(match settled {
+                true => StopReason::ScheduleEnded,
+                false => StopReason::IterationLimit,
+            });
+            if ends_level {
                 sigma = (sigma * self.factor).max(last);
                 (in_level, before) = (0, f64::NEG_INFINITY);
             }
@@ -177,10 +175,6 @@ impl KernelCorrelation {
             Ok(Iteration { transform: pose, objective, weight, bandwidth, stop, state })
         })?;
         let (solution, moments) = iterated.state;
-        let points = PointCounts {
-            source: CloudCounts::from_cloud(source),
-            target: CloudCounts::from_cloud(target),
-        };
         let config =
             KernelCorrelation { sigma: Some(first), last_sigma: Some(last), ..self.clone() };
         let solved = SolvedPose {
@@ -191,7 +185,7 @@ impl KernelCorrelation {
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: Some(points),
+            points: Some(PointCounts::from_clouds(source, target)),
             time_s: times,
             method: MethodRecord::new("kc", &config),
             warnings: Vec::new(),

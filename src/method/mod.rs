@@ -17,6 +17,7 @@ mod consensus;
 mod cpd;
 mod dare;
 mod features;
+mod given_descriptors;
 mod icp;
 mod iterate;
 mod kernel_correlation;
@@ -30,6 +31,7 @@ mod teaser;
 mod termination;
 mod viewpoint_choice;
 mod weight_graph;
+mod weight_links;
 
 pub use cache::{Cache, Cached};
 pub use catalogue::Method;
@@ -41,6 +43,7 @@ pub use consensus::{Consensus, ScoredPose};
 pub use cpd::Cpd;
 pub use dare::Dare;
 pub use features::{DescriptorScale, FeatureCloud, FeatureConfig};
+pub use given_descriptors::{DescriptorDistance, DescriptorRole, GivenDescriptors};
 pub use icp::{Icp, Metric};
 pub use kernel_correlation::KernelCorrelation;
 pub use pipeline::Pipeline;
@@ -49,7 +52,7 @@ pub use registration::{Certificate, CloudCounts, PointCounts, Registration, Timi
 pub use solved_pose::SolvedPose;
 pub use teaser::Teaser;
 pub use termination::{IterationRecord, StopReason};
-pub use weight_graph::{WeightBlock, WeightGraph, WeightedLink};
+pub use weight_links::{WeightBlock, WeightGraph, WeightedLink};
 
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;

@@ -3,8 +3,11 @@
 use serde::Serialize;
 
 use super::clean::CleanCloud;
+use super::consensus::PointPair;
 use super::registration::Timings;
-use super::{Cached, Consensus, Icp, Method, Register, Registration, bounded_icp};
+use super::{
+    Cache, Cached, Consensus, Icp, Method, Register, Registration, WeightGraph, bounded_icp,
+};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::par;
@@ -40,6 +43,9 @@ pub struct Pipeline {
     initial: Option<Transform>,
     verdict: Option<Consensus>,
     keep_no_returns: bool,
+    /// Whether results hold their weights.
+    #[serde(skip)]
+    weights: bool,
 }
 
 /// Most refinements: each result contains the previous ones. Chosen by hand.
@@ -64,7 +70,14 @@ impl Pipeline {
             }
             None => {
                 let (initial, verdict) = (None, None);
-                Ok(Pipeline { first, refinements, initial, verdict, keep_no_returns: false })
+                Ok(Pipeline {
+                    first,
+                    refinements,
+                    initial,
+                    verdict,
+                    keep_no_returns: false,
+                    weights: false,
+                })
             }
         }
     }
@@ -110,6 +123,13 @@ impl Pipeline {
         Pipeline { keep_no_returns: true, ..self }
     }
 
+    /// Adds the weights or correspondences under the returned pose to the result
+    /// ([`Registration::weight_graph`]), as reports show them, of the search itself: it does not run
+    /// again for them.
+    pub fn with_weight_graph(self) -> Self {
+        Pipeline { weights: true, ..self }
+    }
+
     /// Returns whether [`Method::is_slower_than_verdict`] holds for the first method or a
     /// refinement.
     pub fn is_slower_than_verdict(&self) -> bool {
@@ -145,11 +165,18 @@ impl Register for Pipeline {
 
     fn register_cached(&self, source: Cached<'_>, target: Cached<'_>) -> Result<Registration> {
         if let Method::Consensus(consensus) = &self.first {
-            return self.first.with_advice(self.register_by_consensus(consensus, source, target));
+            let found = self.register_by_consensus(consensus, source, target, None);
+            return self.first.with_advice(found);
         }
         let clean = |end| CleanCloud::new(end, self.keep_no_returns);
         let clean = par::join_pair([source, target], clean)?;
         let [source, target] = clean.each_ref().map(CleanCloud::cached);
+        // Weights are those of the descriptors that the method compared.
+        let caches = [Cache::default(), Cache::default()];
+        let [source, target] = match self.weights {
+            true => [source.or_cache(&caches[0]), target.or_cache(&caches[1])],
+            false => [source, target],
+        };
         let begun = self.first.with_advice(match (&self.initial, self.first.as_refinement()) {
             (Some(initial), Some(refinement)) => match &self.first {
                 Method::Icp(icp) if icp.max_distance.is_none() => {
@@ -160,11 +187,67 @@ impl Register for Pipeline {
             _ => self.first.register_cached(source, target),
         })?;
         let found = self.run_refinements(begun, source, target)?;
-        self.verify(found, source, target)
+        let found = self.verify(found, source, target)?;
+        self.add_weights(found, |pose| self.first.weight_graph_cached(source, target, pose))
     }
 }
 
 impl Pipeline {
+    /// Adds the weights under the returned pose, if they were asked for.
+    fn add_weights(
+        &self,
+        mut found: Registration,
+        weigh: impl FnOnce(&Transform) -> Result<Option<WeightGraph>>,
+    ) -> Result<Registration> {
+        if self.weights {
+            // A pose is worth more than the weights behind it.
+            found.weight_graph = match weigh(&found.transform) {
+                Err(Error::Interrupted) => return Err(Error::Interrupted),
+                weighed => weighed.ok().flatten().map(Box::new),
+            };
+        }
+        Ok(found)
+    }
+
+    /// Registers by correspondences that are given ([`Consensus::register_correspondences`],
+    /// [`Teaser::register_correspondences`](super::Teaser::register_correspondences)), refines the
+    /// pose and verifies it. The clouds are used unchanged.
+    ///
+    /// # Errors
+    /// Those of these methods; [`Error::Config`] for a first method that takes no correspondences,
+    /// and for `scores` with teaser, which takes none.
+    pub fn register_correspondences(
+        &self,
+        source: &PointCloud,
+        target: &PointCloud,
+        pairs: &[(u32, u32)],
+        scores: Option<&[f32]>,
+    ) -> Result<Registration> {
+        match &self.first {
+            Method::Consensus(consensus) => {
+                let given = PointPair::from_indices(source, target, pairs, scores)?;
+                let given = Some(&given[..]);
+                self.register_by_consensus(consensus, source.into(), target.into(), given)
+            }
+            Method::Teaser(teaser) if scores.is_none() => {
+                let begun = teaser.register_correspondences(source, target, pairs)?;
+                let found = self.refine_from(begun, source, target)?;
+                let ends = [source, target];
+                self.add_weights(found, |pose| {
+                    teaser.given_weight_graph(ends, pairs, pose).map(Some)
+                })
+            }
+            Method::Teaser(_) => {
+                let rule = "takes no scores: leave them out, or register by consensus";
+                Err(Error::config("scores", "teaser", rule))
+            }
+            other => {
+                let rule = "takes no correspondences: register by consensus or teaser";
+                Err(Error::config("matches", other.name(), rule))
+            }
+        }
+    }
+
     /// Runs only the refinements, from the result of another method, and the verdict; see
     /// [`register`](Register::register). The clouds are used unchanged.
     ///
@@ -188,20 +271,22 @@ impl Pipeline {
         consensus: &Consensus,
         source: Cached<'_>,
         target: Cached<'_>,
+        given: Option<&[PointPair]>,
     ) -> Result<Registration> {
         par::with_threads(consensus.threads, || {
             let mut times = Timings::default();
-            let search = consensus.search(source, target, None, &mut times)?;
+            let search = consensus.search(source, target, given, &mut times)?;
             let begun = search.to_registration(times)?;
             let [source, target] = search.clouds();
             let mut found = self.run_refinements(begun, source, target)?;
-            if found.verdict.is_some() {
-                return Ok(found);
+            if found.verdict.is_none() {
+                let pose = found.transform;
+                let verdict = found.time_s.time("verdict", || search.verify(&pose));
+                let distinguishes_rotations = consensus.distinguishes_rotations();
+                found = found.with_search_verdict(verdict, distinguishes_rotations);
+                found = drop_worse_refinement(found);
             }
-            let pose = found.transform;
-            let verdict = found.time_s.time("verdict", || search.verify(&pose));
-            let refined = found.with_search_verdict(verdict, consensus.distinguishes_rotations());
-            Ok(drop_worse_refinement(refined))
+            self.add_weights(found, |pose| search.weight_graph(pose).map(Some))
         })?
     }
 

@@ -13,6 +13,7 @@ use serde_json::Value;
 /// assert_eq!((mine.name.as_str(), &mine.settings["rounds"]), ("mine", &3.into()));
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MethodRecord {
     /// Name of the method, as accepted by `--method`.
     #[serde(rename = "method")]
@@ -38,6 +39,15 @@ impl MethodRecord {
         };
         settings.insert("method".into(), family.into());
         MethodRecord { name: name.into(), settings: settings.into() }
+    }
+
+    /// Records that the pose comes from so many given correspondences, if it does, as
+    /// `given_correspondences`.
+    pub(super) fn with_given_correspondences(mut self, count: Option<usize>) -> MethodRecord {
+        if let (Some(count), Value::Object(settings)) = (count, &mut self.settings) {
+            settings.insert("given_correspondences".into(), count.into());
+        }
+        self
     }
 
     /// Parses the settings as those of a built-in method ([`Method`](super::Method)) or of its

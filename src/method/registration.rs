@@ -8,8 +8,8 @@ use serde::de::{MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::MethodRecord;
 use super::termination::{IterationRecord, StopReason};
+use super::{MethodRecord, WeightGraph};
 use crate::cloud::{PointCloud, Transform};
 use crate::moments::Moments;
 use crate::normals::OrientedBy;
@@ -20,6 +20,7 @@ use crate::verify::{self, Evaluation, Verdict, Warning};
 /// Serialises to the object that `cfreg register --json` prints; `docs/reference/output.md` has its
 /// fields.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Registration {
     /// `T_target_source`: maps source points into the target's frame.
     pub transform: Transform,
@@ -81,9 +82,26 @@ pub struct Registration {
     /// The registration that was refined, when this is a refinement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refined_from: Option<Box<Registration>>,
+    /// The weights or correspondences under the pose, where the pipeline was asked for them
+    /// ([`Pipeline::with_weight_graph`](super::Pipeline::with_weight_graph)); not in JSON.
+    #[serde(skip)]
+    pub weight_graph: Option<Box<WeightGraph>>,
 }
 
 impl Registration {
+    /// Returns the first registration, before all refinements.
+    pub fn first(&self) -> &Registration {
+        self.refined_from.as_deref().map_or(self, Registration::first)
+    }
+
+    /// Returns the names of the methods in the order in which they ran, `+` between them.
+    pub fn method_names(&self) -> String {
+        match &self.refined_from {
+            Some(before) => format!("{}+{}", before.method_names(), self.method.name),
+            None => self.method.name.clone(),
+        }
+    }
+
     /// Returns whether the pose may be used: it has no warnings, its verdict, if any, accepts it,
     /// and it is finite and proper ([`verify::is_usable`]).
     pub fn is_usable(&self) -> bool {
@@ -142,6 +160,7 @@ fn with_messages<S: Serializer>(
 /// numbers, both small where all is well. That the largest set of consistent matches is
 /// the right one is not part of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Certificate {
     /// Share of its cost that any other rotation could save, at most: from 0, the best
     /// there is, to 1, nothing is known. Costs below a millionth of the bound squared a
@@ -157,6 +176,7 @@ pub struct Certificate {
 
 /// Points of the two clouds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PointCounts {
     /// Counts of the source.
     pub source: CloudCounts,
@@ -166,6 +186,7 @@ pub struct PointCounts {
 
 /// What became of the points of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CloudCounts {
     /// Points with a NaN or infinite coordinate, left out when the cloud was made.
     pub dropped: usize,
@@ -183,6 +204,14 @@ pub struct CloudCounts {
     pub neighbors: Option<usize>,
     /// Source of the orientation of normals; `null` for methods without normals.
     pub oriented_by: Option<OrientedBy>,
+}
+
+impl PointCounts {
+    /// Returns the counts of two clouds whose points are all connected.
+    pub(super) fn from_clouds(source: &PointCloud, target: &PointCloud) -> Self {
+        let [source, target] = [source, target].map(CloudCounts::from_cloud);
+        PointCounts { source, target }
+    }
 }
 
 impl CloudCounts {

@@ -47,7 +47,7 @@ impl Method {
             Ok(Value::Object(config)) => config,
             _ => return Err(bad("the method has no settings".into())),
         };
-        if field == "method" || !config.contains_key(field) {
+        if field == "method" || !(config.contains_key(field) || self.has_unset(field)) {
             let rule =
                 format!("{} has no such setting; it has {}", self.name(), setting_names(&config));
             return Err(bad(rule));
@@ -55,6 +55,19 @@ impl Method {
         config.insert(field.into(), value);
         serde_json::from_value(Value::Object(config))
             .map_err(|error| bad(setting_error_text(error)))
+    }
+}
+
+impl Method {
+    /// Whether the method has this setting, which its JSON names only where it is set.
+    fn has_unset(&self, field: &str) -> bool {
+        match self {
+            Method::Consensus(_) => matches!(field, "model" | "given_descriptors"),
+            Method::Cf(_) | Method::CfSpectral(_) | Method::Cfk(_) | Method::Teaser(_) => {
+                field == "given_descriptors"
+            }
+            Method::Icp(_) | Method::Kc(_) | Method::Cpd(_) | Method::Dare(_) => false,
+        }
     }
 }
 

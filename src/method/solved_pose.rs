@@ -121,10 +121,8 @@ impl SolvedPose {
         }
         warnings.extend(fitness.check(&evaluation));
         warnings.extend(verify::check_singular_values(singular_values));
-        let points = self.points.unwrap_or_else(|| PointCounts {
-            source: CloudCounts::from_cloud(source.cloud),
-            target: CloudCounts::from_cloud(target.cloud),
-        });
+        let points =
+            self.points.unwrap_or_else(|| PointCounts::from_clouds(source.cloud, target.cloud));
         let low = warnings.iter().any(|warning| matches!(warning, Warning::LowFitness { .. }));
         let by_origin = |counts: &CloudCounts| counts.oriented_by == Some(OrientedBy::FrameOrigin);
         if low && (by_origin(&points.source) || by_origin(&points.target)) {
@@ -151,6 +149,7 @@ impl SolvedPose {
             time_s,
             certificate: None,
             refined_from: None,
+            weight_graph: None,
         })
     }
 }

@@ -23,6 +23,7 @@ pub enum StopReason {
 
 /// One iteration: weights made at a pose, solved for the next.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct IterationRecord {
     /// Number of the iteration, from 1.
     pub iteration: u32,

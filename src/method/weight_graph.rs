@@ -1,11 +1,13 @@
 //! Connections of a method: the weights themselves, to see why a pose was found.
 
 use faer::Mat;
+use rustc_hash::FxHashSet;
 
 use super::cf_spectral::SpectralConnections;
 use super::registration::Timings;
 use super::teaser::correspondences::match_features;
-use super::{Cf, CfSpectral, Cfk, Method, Teaser};
+use super::weight_links::{WeightBlock, WeightGraph, WeightedLink};
+use super::{Cached, Cf, CfSpectral, Cfk, Method, Teaser};
 use crate::cloud::{Descriptors, PointCloud, Transform};
 use crate::error::Result;
 use crate::keypoint::Keypoints;
@@ -14,57 +16,6 @@ use crate::moments::{Entries, FeatureView, FullConnection};
 use crate::par;
 use crate::search::SearchTree;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
-
-/// The points that a method compared, and how strongly it connected them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct WeightGraph {
-    /// Whether all points of both clouds were connected; else only correspondences.
-    pub full: bool,
-    /// For correspondences, the largest distance between the ends of an inlier under the pose, in
-    /// the target's unit.
-    pub inlier_distance: Option<f64>,
-    /// Positions of the compared points of source and target, each in its cloud's own frame.
-    pub points: [Vec<Vec3>; 2],
-    /// Sum of the weights of each point, 0 or more.
-    pub weight_sums: [Vec<f64>; 2],
-    /// For a full connection the heaviest link of every source point; for correspondences all of
-    /// them, with their inlier weight under the pose, from 0 to 1, or with their weight in the solve
-    /// ([`CfSpectral`]). Heaviest first.
-    pub links: Vec<WeightedLink>,
-    /// Part of W; for correspondences, similarities of the descriptors from which they were found.
-    pub block: WeightBlock,
-}
-
-/// A connection.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WeightedLink {
-    /// Number of the source point.
-    pub source: u32,
-    /// Number of the target point.
-    pub target: u32,
-    /// Weight of the link, 0 or more.
-    pub weight: f64,
-}
-
-/// Weights between some points of the source and the points of the target that are nearest under
-/// the pose: pairs that correspond under the pose are on the diagonal.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct WeightBlock {
-    /// Numbers of the source points.
-    pub rows: Vec<u32>,
-    /// For each row the nearest target point under the pose.
-    pub columns: Vec<u32>,
-    /// Distance between the two, in the target's unit.
-    pub distances: Vec<f64>,
-    /// The descriptor of each row projected on the principal axis of the descriptors: similar
-    /// points have similar values.
-    pub principal_feature: Vec<f64>,
-    /// Weights, row by row. For second-order weights ([`CfSpectral`]) those of the connections whose
-    /// ends are nearest to the point of the row and to that of the column, added.
-    pub weights: Vec<f32>,
-    /// For second-order weights those of the first order, of the same connections; else empty.
-    pub first_order: Vec<f32>,
-}
 
 /// Most rows of a block. Chosen by hand.
 const MAX_BLOCK_ROWS: usize = 144;
@@ -93,6 +44,16 @@ impl Method {
         target: &PointCloud,
         pose: &Transform,
     ) -> Result<Option<WeightGraph>> {
+        self.weight_graph_cached(source.into(), target.into(), pose)
+    }
+
+    /// [`weight_graph`](Self::weight_graph) with caches.
+    pub(super) fn weight_graph_cached(
+        &self,
+        source: Cached<'_>,
+        target: Cached<'_>,
+        pose: &Transform,
+    ) -> Result<Option<WeightGraph>> {
         match self {
             Method::Cf(Cf { weights: WeightScheme::Custom, .. }) => Ok(None),
             Method::Cfk(Cfk { cf: connection, .. })
@@ -115,18 +76,14 @@ impl Method {
 impl Cf {
     fn weight_graph(
         &self,
-        source: &PointCloud,
-        target: &PointCloud,
+        source: Cached<'_>,
+        target: Cached<'_>,
         pose: &Transform,
         detector: Option<&Keypoints>,
     ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
-            let mut times = Timings::default();
-            let source =
-                self.features.extract_at_keypoints(source, "the source", detector, &mut times)?;
-            let target =
-                self.features.extract_at_keypoints(target, "the target", detector, &mut times)?;
-            let [source, target] = self.features.concatenate_channels([source, target])?;
+            let times = &mut Timings::default();
+            let [source, target] = self.features.extract_pair([source, target], detector, times)?;
             let connection = source.connection(&target)?;
             let beta = connection.bandwidth(self.bandwidth())?;
             let ends = [source.view(), target.view()];
@@ -157,38 +114,60 @@ impl Cf {
 impl Teaser {
     fn weight_graph(
         &self,
-        source: &PointCloud,
-        target: &PointCloud,
+        source: Cached<'_>,
+        target: Cached<'_>,
         pose: &Transform,
     ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
-            let mut times = Timings::default();
-            let bound = self.resolve_noise_bound(source.into(), target.into())?;
-            let source = self.features.extract(source, "the source", &mut times)?;
-            let target = self.features.extract(target, "the target", &mut times)?;
-            let [source, target] = self.features.concatenate_channels([source, target])?;
+            let times = &mut Timings::default();
+            let bound = self.resolve_noise_bound(source, target)?;
+            let [source, target] = self.features.extract_pair([source, target], None, times)?;
             let ends = [source.view(), target.view()];
             let pairs = match_features(&FullConnection::new(ends[0], ends[1])?, self.cross_check);
             let [p, q] = ends.map(global_positions);
-            let agreement = pairs.iter().map(|&(i, j)| {
-                let off = math::sub(pose.apply(p[i as usize]), q[j as usize]);
-                (1.0 - math::dot(off, off) / (bound * bound)).max(0.0)
-            });
+            let agreement = pairs
+                .iter()
+                .map(|&(i, j)| inlier_weight(pose, p[i as usize], q[j as usize], bound));
             WeightGraph::from_correspondences(ends, &pairs, agreement, bound, pose)
         })?
     }
 }
 
+impl Teaser {
+    /// Returns the given correspondences, with their inlier weights under `pose`.
+    pub(super) fn given_weight_graph(
+        &self,
+        [source, target]: [&PointCloud; 2],
+        pairs: &[(u32, u32)],
+        pose: &Transform,
+    ) -> Result<WeightGraph> {
+        let bound = self.resolve_noise_bound(source.into(), target.into())?;
+        let points = [source, target].map(|cloud| cloud.positions().collect::<Vec<Vec3>>());
+        let block = WeightBlock::from_pairs([source, target], pairs, pose)?;
+        let [p, q] = &points;
+        let agreement: Vec<f64> = pairs
+            .iter()
+            .map(|&(i, j)| inlier_weight(pose, p[i as usize], q[j as usize], bound))
+            .collect();
+        Ok(WeightGraph::from_links(points, pairs, agreement.into_iter(), bound, block))
+    }
+}
+
+/// Returns 1 − r²/bound², or 0 if the residual r is above the bound.
+fn inlier_weight(pose: &Transform, p: Vec3, q: Vec3, bound: f64) -> f64 {
+    let off = math::sub(pose.apply(p), q);
+    (1.0 - math::dot(off, off) / (bound * bound)).max(0.0)
+}
+
 impl CfSpectral {
     fn weight_graph(
         &self,
-        source: &PointCloud,
-        target: &PointCloud,
+        source: Cached<'_>,
+        target: Cached<'_>,
         pose: &Transform,
     ) -> Result<WeightGraph> {
         par::with_threads(self.threads, || {
-            let connected =
-                self.connect([source.into(), target.into()], &mut Timings::default())?;
+            let connected = self.connect([source, target], &mut Timings::default())?;
             let ends = connected.sides.each_ref().map(|side| side.view());
             let mut block = WeightBlock::from_nearest_points(ends, pose)?;
             block.add_connections(ends, &connected)?;
@@ -229,7 +208,17 @@ impl WeightGraph {
         let WeightBlock { rows, columns, .. } = &matrix;
         let likeness = (WeightScheme::Gaussian, Normalization::Both);
         matrix.weights = connection.entries(likeness.0, beta, likeness.1, rows, columns)?.block;
-        let points = ends.map(global_positions);
+        Ok(WeightGraph::from_links(ends.map(global_positions), pairs, agreement, reach, matrix))
+    }
+
+    /// Builds the graph of these correspondences, with their weights.
+    fn from_links(
+        points: [Vec<Vec3>; 2],
+        pairs: &[(u32, u32)],
+        agreement: impl Iterator<Item = f64>,
+        reach: f64,
+        block: WeightBlock,
+    ) -> WeightGraph {
         let mut received = points.each_ref().map(|points| vec![0.0; points.len()]);
         let mut links = Vec::new();
         for (&(source, target), weight) in pairs.iter().zip(agreement) {
@@ -237,15 +226,14 @@ impl WeightGraph {
             received[1][target as usize] += weight;
             links.push(WeightedLink { source, target, weight });
         }
-        let (reach, links) = (Some(reach), sort_by_weight(links));
-        Ok(WeightGraph {
+        WeightGraph {
             full: false,
-            inlier_distance: reach,
+            inlier_distance: Some(reach),
             points,
             weight_sums: received,
-            links,
-            block: matrix,
-        })
+            links: sort_by_weight(links),
+            block,
+        }
     }
 }
 
@@ -255,27 +243,56 @@ impl WeightBlock {
         [source, target]: [FeatureView<'_>; 2],
         pose: &Transform,
     ) -> Result<WeightBlock> {
-        let tree = SearchTree::new(target.points)?;
         let step = source.points.len().div_ceil(MAX_BLOCK_ROWS).max(1);
         let rows: Vec<u32> = (0..source.points.len() as u32).step_by(step).collect();
-        let (mut columns, mut apart) = (Vec::new(), Vec::new());
-        for &row in &rows {
-            let place = math::add(source.points[row as usize].map(f64::from), source.origin);
-            let moved = math::sub(pose.apply(place), target.origin).map(|x| x as f32);
-            let nearest = tree.nearest(&moved);
-            columns.push(nearest.index);
-            apart.push(f64::from(nearest.squared_distance).sqrt());
-        }
         let looks = project_on_principal_axis(source.descriptors, &rows);
-        Ok(WeightBlock {
-            rows,
-            columns,
-            distances: apart,
-            principal_feature: looks,
-            weights: Vec::new(),
-            first_order: Vec::new(),
-        })
+        let places = rows
+            .iter()
+            .map(|&row| math::add(source.points[row as usize].map(f64::from), source.origin));
+        let (columns, distances) = nearest_points(places, target.points, target.origin, pose)?;
+        let (weights, first_order) = (Vec::new(), Vec::new());
+        Ok(WeightBlock { rows, columns, distances, principal_feature: looks, weights, first_order })
     }
+
+    /// Returns the block of given correspondences, 1 for each: without descriptors.
+    fn from_pairs(
+        [source, target]: [&PointCloud; 2],
+        pairs: &[(u32, u32)],
+        pose: &Transform,
+    ) -> Result<WeightBlock> {
+        let mut rows: Vec<u32> = pairs.iter().map(|pair| pair.0).collect();
+        rows.sort_unstable();
+        rows.dedup();
+        let step = rows.len().div_ceil(MAX_BLOCK_ROWS).max(1);
+        let rows: Vec<u32> = rows.into_iter().step_by(step).collect();
+        let places = rows.iter().map(|&row| source.position(row as usize));
+        let (columns, distances) = nearest_points(places, target.points(), target.origin(), pose)?;
+        let given: FxHashSet<(u32, u32)> = pairs.iter().copied().collect();
+        let joined = |&row: &u32| {
+            let given = &given;
+            columns.iter().map(move |&column| f32::from(u8::from(given.contains(&(row, column)))))
+        };
+        let weights = rows.iter().flat_map(joined).collect();
+        let principal_feature = vec![0.0; rows.len()];
+        let first_order = Vec::new();
+        Ok(WeightBlock { rows, columns, distances, principal_feature, weights, first_order })
+    }
+}
+
+/// Returns the target point nearest to each of `places` under the pose, and its distance.
+fn nearest_points(
+    places: impl Iterator<Item = Vec3>,
+    target: &[[f32; 3]],
+    origin: Vec3,
+    pose: &Transform,
+) -> Result<(Vec<u32>, Vec<f64>)> {
+    let tree = SearchTree::new(target)?;
+    let nearest = places.map(|place| {
+        let moved = math::sub(pose.apply(place), origin).map(|x| x as f32);
+        let nearest = tree.nearest(&moved);
+        (nearest.index, f64::from(nearest.squared_distance).sqrt())
+    });
+    Ok(nearest.unzip())
 }
 
 impl WeightBlock {

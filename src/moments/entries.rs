@@ -12,6 +12,7 @@ use crate::weight::{KernelVisitor, Normalization, WeightKernel, WeightScheme};
 /// Parts of W, the weights of a full connection as used by its moments: normalised, then multiplied
 /// by the weights of the points.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Entries {
     /// Σ_j w_ij of every source point.
     pub source_sums: Vec<f64>,

@@ -63,6 +63,7 @@ pub enum ScaleEstimate {
 
 /// A pose, and how well the pairs constrain it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Solution {
     /// Source into target frame.
     pub transform: Transform,

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::facts::{Free, Spread};
 use super::text;
 use crate::math::{self, Vec3};
+use crate::verify::{PoseCovariance, Twist};
 
 /// A motion as a rotation about an axis and a translation along it, relative to the middle of the
 /// target.
@@ -26,12 +26,13 @@ const MIN_COMPONENT: f64 = 0.1;
 
 impl Arrow {
     /// Converts every unobservable motion; `middle` is the middle of the target.
-    pub(super) fn unconstrained_motions(spread: &Spread, middle: Vec3) -> Vec<Arrow> {
-        spread.undetermined.iter().map(|free| Arrow::new(free, spread.center, middle)).collect()
+    pub(super) fn unconstrained_motions(covariance: &PoseCovariance, middle: Vec3) -> Vec<Arrow> {
+        let center = covariance.center;
+        covariance.unobservable.iter().map(|twist| Arrow::new(twist, center, middle)).collect()
     }
 
-    fn new(free: &Free, center: Vec3, middle: Vec3) -> Arrow {
-        let Free { rotation, translation } = *free;
+    fn new(twist: &Twist, center: Vec3, middle: Vec3) -> Arrow {
+        let Twist { rotation, translation } = *twist;
         let turn = math::norm(rotation);
         let local = math::sub(center, middle);
         let named = |axis: Vec3| {
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     fn arrow(rotation: Vec3, translation: Vec3) -> Arrow {
-        Arrow::new(&Free { rotation, translation }, [1.0, 0.0, 0.0], [0.0; 3])
+        Arrow::new(&Twist { rotation, translation }, [1.0, 0.0, 0.0], [0.0; 3])
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::PairReport;
-use super::facts::{Facts, SavedVerdict, Spread, Told};
+use super::pair_result::PairResult;
 use super::table_page::{self, TableCell, TablePage, TableRow};
-use crate::batch::{Row, symmetric_from_triangle};
-use crate::cloud::{PointCloud, Transform, ViewpointSource};
+use crate::batch::Row;
+use crate::cloud::{PointCloud, ViewpointSource};
 use crate::error::Result;
 use crate::io;
 
@@ -59,10 +59,11 @@ impl BatchReport<'_> {
         let mut listed = Vec::new();
         for (at, row) in order.iter().enumerate() {
             let mut line = table_row(row);
-            if let Some(facts) = facts_of_row(row)?.filter(|_| at < self.pages) {
+            if let Some(result) = PairResult::from_row(row)?.filter(|_| at < self.pages) {
                 match self.read_clouds(row) {
                     Ok([source, target]) => {
-                        let pair = PairReport::from_facts(facts, &source, &target);
+                        let mut pair = PairReport::from_result(result, &source, &target);
+                        pair.names = [row.source.clone(), row.target.clone()];
                         line.add_pair_page(pair, self.output, row.index)?;
                         made += 1;
                     }
@@ -130,47 +131,4 @@ fn table_row(row: &Row) -> TableRow {
         TableCell::text(why),
     ];
     TableRow { tone, cells, ..TableRow::default() }
-}
-
-/// Converts a row to the facts of a registration; `None` without a pose.
-fn facts_of_row(row: &Row) -> Result<Option<Facts>> {
-    let Some(pose) = row.pose else { return Ok(None) };
-    let rows = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| pose[4 * i + j]));
-    let parts = |words: &Option<String>| -> Vec<String> {
-        words.iter().flat_map(|words| words.split("; ")).map(String::from).collect()
-    };
-    let spread = row.covariance.zip(row.center).filter(|_| row.undetermined == Some(0));
-    let spread = spread.map(|(triangle, center)| Spread {
-        matrix: symmetric_from_triangle(&triangle),
-        center,
-        undetermined: Vec::new(),
-    });
-    let verdict = row.decision.clone().map(|decision| SavedVerdict {
-        decision,
-        probability: row.probability.unwrap_or(0.0),
-        reasons: parts(&row.reasons),
-        overlap: row.overlap.unwrap_or(0.0),
-        runner_up: None,
-        covariance: spread,
-        other_scale: None,
-        mirrored: false,
-    });
-    let doubts = parts(&row.doubts).into_iter().map(|message| Told { message }).collect();
-    let trusted = row.is_usable();
-    let mut facts = Facts::bare(Transform::from_matrix(rows)?, "a list", trusted, doubts);
-    facts.verdict = verdict;
-    facts.evaluation = row.fitness.zip(row.max_distance).map(|(fitness, max_distance)| {
-        let target_fitness = row.target_fitness.unwrap_or(0.0);
-        let agreement = row.agreement.unwrap_or(0.0);
-        super::facts::Fit {
-            fitness,
-            target_fitness,
-            inlier_rmse: row.inlier_rmse,
-            max_distance,
-            agreement,
-        }
-    });
-    facts.source = Some(row.source.clone());
-    facts.target = Some(row.target.clone());
-    Ok(Some(facts))
 }

@@ -89,13 +89,12 @@ fn add_pair_page(
 ) -> Result<()> {
     // Poses of other programs cannot be computed again.
     let Ok(chain) = benchmark::parse_method(&row.method) else { return Ok(()) };
+    let chain = chain.with_weight_graph();
     let Some((at, pair)) = pairs.iter().enumerate().find(|(_, pair)| row.matches_pair(pair)) else {
         return Ok(());
     };
     let Rerun { source, target, found, truth } = benchmark::rerun(pair, at, &chain, settings)?;
-    let json = serde_json::to_string(&found)
-        .map_err(|error| crate::Error::io("a registration", std::io::Error::other(error)))?;
-    let mut page = PairReport::new(&json, &source, &target)?;
+    let mut page = PairReport::new(&found, &source, &target);
     page.names = [row.source.clone(), row.target.clone()];
     page.truth = truth;
     line.add_pair_page(page, folder, number)

@@ -1,5 +1,7 @@
 //! The report of a pair.
 
+use std::borrow::Cow;
+
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
@@ -7,8 +9,8 @@ use serde::Serialize;
 use super::arrows::Arrow;
 use super::camera::{Camera, Viewport};
 use super::display::DisplayCloud;
-use super::facts::Facts;
 use super::page;
+use super::pair_result::PairResult;
 use super::preview::{PoseView, draw_preview};
 use super::tables::{self, Histogram, Input, PoseText, Stage, Uncertainty};
 use super::text::{self, Headline};
@@ -17,7 +19,7 @@ use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::figure::Figure;
 use crate::math::{self, Vec3};
-use crate::method::Method;
+use crate::method::{Method, Registration, WeightGraph};
 use crate::search;
 use crate::verify;
 
@@ -29,18 +31,17 @@ use crate::verify;
 /// # use cfreg::cloud::shape::boulder;
 /// # let (source, target) = (boulder().sample(600, 1)?, boulder().sample(600, 2)?);
 /// let found = Method::register(&"consensus".parse()?, &source, &target)?;
-/// let json = serde_json::to_string(&found).unwrap();
-/// let html = PairReport::new(&json, &source, &target)?.html()?;
+/// let html = PairReport::new(&found, &source, &target).html()?;
 /// assert!(html.starts_with("<!doctype html>"));
 /// # Ok::<(), cfreg::Error>(())
 /// ```
 pub struct PairReport<'a> {
-    facts: Facts,
+    result: PairResult<'a>,
     source: &'a PointCloud,
     target: &'a PointCloud,
-    /// Names of the clouds; default those in the result, or `source` and `target`.
+    /// Names of the clouds; default `source` and `target`.
     pub names: [String; 2],
-    /// The command that reproduces the result; default the one in the result.
+    /// The command that reproduces the result; default none.
     pub command: Option<String>,
     /// The true pose, if known.
     pub truth: Option<Transform>,
@@ -113,33 +114,28 @@ struct PageText<'a> {
 }
 
 impl<'a> PairReport<'a> {
-    /// Creates a report. `result` is the object that `cfreg register --json` prints, or a
-    /// [`Registration`](crate::method::Registration) as JSON; the clouds are those that were passed
-    /// to the method.
-    ///
-    /// # Errors
-    /// [`Error::Parse`](crate::Error::Parse) for a `result` that is not such an object.
+    /// Creates a report on a result; the clouds are those that were passed to the method. The page
+    /// shows the weights that the result holds ([`Registration::weight_graph`]); of a result without
+    /// them, as one that was saved, they are computed again.
     pub fn new(
-        result: &str,
-        source: &'a PointCloud,
-        target: &'a PointCloud,
-    ) -> Result<PairReport<'a>> {
-        let facts = Facts::read(result, std::path::Path::new("the result"))?;
-        Ok(PairReport::from_facts(facts, source, target))
-    }
-
-    pub(super) fn from_facts(
-        facts: Facts,
+        found: &'a Registration,
         source: &'a PointCloud,
         target: &'a PointCloud,
     ) -> PairReport<'a> {
-        let name = |name: &Option<String>, other: &str| name.clone().unwrap_or(other.into());
+        PairReport::from_result(PairResult::from_registration(found), source, target)
+    }
+
+    pub(super) fn from_result(
+        result: PairResult<'a>,
+        source: &'a PointCloud,
+        target: &'a PointCloud,
+    ) -> PairReport<'a> {
         PairReport {
-            names: [name(&facts.source, "source"), name(&facts.target, "target")],
-            command: facts.command.clone(),
+            names: ["source", "target"].map(String::from),
+            command: None,
             truth: None,
             points: DEFAULT_MAX_POINTS,
-            facts,
+            result,
             source,
             target,
         }
@@ -152,8 +148,8 @@ impl<'a> PairReport<'a> {
     /// and those of [`Method::weight_graph`](crate::method::Method::weight_graph) that the page
     /// does not report itself.
     pub fn html(&self) -> Result<String> {
-        let facts = &self.facts;
-        let pose = facts.transform;
+        let result = &self.result;
+        let pose = result.pose;
         let [mut source, mut target] = self.display_clouds()?;
         let near = self.inlier_distance()?;
         let most = MAX_RESIDUAL_FACTOR * near;
@@ -164,9 +160,9 @@ impl<'a> PairReport<'a> {
         let stands = self.pose_views(&source, &target);
         let still =
             draw_preview([&source, &target], &look, &stands[..2], PREVIEW_POINTS, (480, 420), true);
-        let spread = facts.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
-        let arrows = spread
-            .map_or_else(Vec::new, |spread| Arrow::unconstrained_motions(spread, target.middle));
+        let covariance = result.verdict.as_ref().and_then(|verdict| verdict.covariance.as_ref());
+        let arrows = covariance
+            .map_or_else(Vec::new, |known| Arrow::unconstrained_motions(known, target.middle));
         let middles = [source.middle, target.middle];
         let places = stands.iter().map(|stand| ViewerPose {
             name: stand.title,
@@ -183,26 +179,28 @@ impl<'a> PairReport<'a> {
             arrows: &arrows,
             weights: weights.as_ref(),
         };
-        let inputs = tables::inputs(facts, [self.source, self.target], &self.names)?;
+        let inputs = tables::inputs(result.registration, [self.source, self.target], &self.names)?;
         let diagonals = [self.source.diagonal(), self.target.diagonal()];
+        let times = result.registration.map(|found| found.time_s.clone()).unwrap_or_default();
+        let settings = result.registration.map(|found| &found.method.settings);
         let text = PageText {
             titles: text::distinct_names(&self.names),
             names: &self.names,
-            method: facts.chain(),
-            headline: Headline::new(facts),
+            method: result.method_names(),
+            headline: Headline::new(result),
             stands: stands.iter().map(|stand| stand.title).collect(),
             poses: self.poses(),
-            uncertainty: spread.map(Uncertainty::new),
+            uncertainty: covariance.map(Uncertainty::new),
             arrows: &arrows,
-            fit: tables::fit_rows(facts),
+            fit: tables::fit_rows(result),
             histogram: Histogram::new(&source.distances, most, near),
             weights: weights.as_ref(),
             weights_absent,
             inputs,
             units_differ: tables::unit_warning(diagonals, pose.scale),
-            stages: Stage::from_stages(&facts.time_s),
-            seconds: text::format_number(facts.time_s.0.iter().map(|stage| stage.1).sum()),
-            config: serde_json::to_string_pretty(&facts.config).unwrap_or_default(),
+            stages: Stage::from_stages(&times),
+            seconds: text::format_number(times.total()),
+            config: serde_json::to_string_pretty(&settings).unwrap_or_default(),
             command: self.command.as_deref(),
             thinned: [&source, &target].iter().any(|cloud| cloud.shown + cloud.strays < cloud.of),
             far: self.offset_text(&source, &target),
@@ -228,7 +226,7 @@ impl<'a> PairReport<'a> {
     /// Those of [`figure`](Self::figure).
     pub fn thumbnail(&self, size: (u32, u32)) -> Result<Figure> {
         let [source, target] = self.display_clouds()?;
-        let (look, pose) = (Camera::facing(&target.cloud), self.facts.transform);
+        let (look, pose) = (Camera::facing(&target.cloud), self.result.pose);
         let frame = Viewport::new(&source, &target, &pose);
         let after = [PoseView { title: "", pose, frame }];
         let most = (size.0 * size.1 / 4) as usize;
@@ -249,11 +247,11 @@ impl<'a> PairReport<'a> {
 
     /// Returns the inlier distance.
     fn inlier_distance(&self) -> Result<f64> {
-        let told = self.facts.evaluation.map(|fit| fit.max_distance);
+        let told = self.result.evaluation.map(|fit| fit.max_distance);
         match told.filter(|&distance| distance > 0.0 && distance.is_finite()) {
             Some(distance) => Ok(distance),
             None => {
-                let scale = self.facts.transform.scale;
+                let scale = self.result.pose.scale;
                 let found = verify::default_distance(self.source, self.target, scale)?;
                 Ok(if found > 0.0 { found } else { 1.0 })
             }
@@ -268,24 +266,13 @@ impl<'a> PairReport<'a> {
         target: &mut DisplayCloud,
         near: f64,
     ) -> (Option<WeightView>, Option<String>) {
-        let pose = &self.facts.transform;
+        let pose = &self.result.pose;
         let told = |text: &str| (None, Some(text.to_string()));
-        let Some(method) = self.facts.method() else {
-            return told("The result does not say with which settings it was made.");
+        let connections = match self.weight_graph() {
+            Ok(connections) => connections,
+            Err(absent) => return (None, Some(absent)),
         };
-        let connections = match method.weight_graph(self.source, self.target, pose) {
-            Ok(Some(connections)) => connections,
-            Ok(None) if matches!(method, Method::Cf(_) | Method::Cfk(_)) => {
-                return told("The weights were a function that is not here any more.");
-            }
-            Ok(None) => {
-                return told(
-                    "This method connects points by where the pose puts them: colour the clouds by \
-                     residual to see which.",
-                );
-            }
-            Err(error) => return told(&format!("They could not be made again: {error}.")),
-        };
+        let connections = &*connections;
         let both = [&mut *source, &mut *target];
         for (k, shown) in both.into_iter().enumerate() {
             let received = &connections.weight_sums[k];
@@ -303,20 +290,50 @@ impl<'a> PairReport<'a> {
             }
         }
         let middles = [source.middle, target.middle];
-        (Some(WeightView::new(&connections, pose, middles, near)), None)
+        (Some(WeightView::new(connections, pose, middles, near)), None)
+    }
+
+    /// Returns the weights that the result holds, or computes them again; otherwise the reason for
+    /// their absence.
+    fn weight_graph(&self) -> std::result::Result<Cow<'_, WeightGraph>, String> {
+        let Some(found) = self.result.registration else {
+            return Err("The result does not say with which settings it was made.".into());
+        };
+        if let Some(held) = &found.weight_graph {
+            return Ok(Cow::Borrowed(held));
+        }
+        let record = &found.first().method;
+        if record.settings.get("given_correspondences").is_some() {
+            return Err("The correspondences were given, and the result does not hold them.".into());
+        }
+        let Some(method) = record.parse::<Method>() else {
+            return Err("The result does not say with which settings it was made.".into());
+        };
+        match method.weight_graph(self.source, self.target, &self.result.pose) {
+            Ok(Some(connections)) => Ok(Cow::Owned(connections)),
+            Ok(None) if matches!(method, Method::Cf(_) | Method::Cfk(_)) => {
+                Err("The weights were a function that is not here any more.".into())
+            }
+            Ok(None) => Err(
+                "This method connects points by where the pose puts them: colour the clouds by \
+                 residual to see which."
+                    .into(),
+            ),
+            Err(error) => Err(format!("They could not be made again: {error}.")),
+        }
     }
 
     /// Returns the displayed poses of the source: as in its file, the result, and the alternatives.
     fn pose_views(&self, source: &DisplayCloud, target: &DisplayCloud) -> Vec<PoseView<'static>> {
         let stand =
             |title, pose| PoseView { title, pose, frame: Viewport::new(source, target, &pose) };
-        let after = stand("after", self.facts.transform);
+        let after = stand("after", self.result.pose);
         let mut before = Transform::IDENTITY;
         if let Some((off, beside)) = self.initial_offset(source, target, after.frame) {
             let nearer = math::scaled(math::normalized(off), beside);
             before.translation = math::sub(nearer, off);
         }
-        let other = self.facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref());
+        let other = self.result.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref());
         let mut stands = vec![stand("before", before), after];
         stands.extend(other.map(|other| stand("other", other.transform)));
         stands.extend(self.truth.map(|truth| stand("truth", truth)));
@@ -338,15 +355,16 @@ impl<'a> PairReport<'a> {
 
     /// Returns that distance.
     fn offset_text(&self, source: &DisplayCloud, target: &DisplayCloud) -> Option<String> {
-        let after = Viewport::new(source, target, &self.facts.transform);
+        let after = Viewport::new(source, target, &self.result.pose);
         self.initial_offset(source, target, after)
             .map(|(off, _)| text::format_number(math::norm(off)))
     }
 
     fn poses(&self) -> Vec<PoseText> {
-        let facts = &self.facts;
-        let mut poses = vec![PoseText::new("The pose", &facts.transform, None)];
-        if let Some(other) = facts.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref()) {
+        let result = &self.result;
+        let mut poses = vec![PoseText::new("The pose", &result.pose, None)];
+        if let Some(other) = result.verdict.as_ref().and_then(|verdict| verdict.runner_up.as_ref())
+        {
             let probability = Some(text::format_percent(other.probability));
             poses.push(PoseText::new("The best other pose", &other.transform, probability));
         }

@@ -2,12 +2,14 @@
 
 use serde::Serialize;
 
-use super::facts::{Counted, Facts, Spread, Stages};
+use super::pair_result::PairResult;
 use super::text;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::math;
+use crate::method::{CloudCounts, Registration, Timings};
 use crate::search;
+use crate::verify::PoseCovariance;
 
 /// A pose in several notations.
 #[derive(Debug, Clone, Serialize)]
@@ -73,47 +75,54 @@ pub(super) struct Uncertainty {
 
 impl Uncertainty {
     /// Computes the root mean squares over the three axes, one standard deviation each.
-    pub(super) fn new(spread: &Spread) -> Uncertainty {
+    pub(super) fn new(covariance: &PoseCovariance) -> Uncertainty {
         let root = |first: usize| {
-            let trace: f64 = (first..first + 3).map(|k| spread.matrix[k][k]).sum();
+            let trace: f64 = (first..first + 3).map(|k| covariance.matrix[k][k]).sum();
             (trace / 3.0).max(0.0).sqrt()
         };
         Uncertainty {
             rotation: text::format_number(root(0).to_degrees()),
             shift: text::format_number(root(3)),
-            loose: spread.undetermined.len(),
+            loose: covariance.unobservable.len(),
         }
     }
 }
 
 /// Describes the fit of the clouds.
-pub(super) fn fit_rows(facts: &Facts) -> Vec<(&'static str, String)> {
+pub(super) fn fit_rows(result: &PairResult<'_>) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
-    if let Some(verdict) = &facts.verdict {
+    if let Some(verdict) = &result.verdict {
         let overlap = text::format_percent(verdict.overlap);
         rows.push(("Overlap", format!("{overlap} of a surface lies on the other and faces alike")));
     }
-    if let Some(fit) = &facts.evaluation {
+    if let Some(fit) = &result.evaluation {
         let distance = text::format_number(fit.max_distance);
         let shares = [fit.fitness, fit.target_fitness].map(text::format_percent);
         rows.push(("Source on target", format!("{} of the points within {distance}", shares[0])));
         rows.push(("Target on source", format!("{} of the points", shares[1])));
-        if let Some(rmse) = fit.inlier_rmse {
-            rows.push((
-                "Distance of those",
-                format!("{} (root mean square)", text::format_number(rmse)),
-            ));
+        if fit.inlier_rmse.is_finite() {
+            let rmse = text::format_number(fit.inlier_rmse);
+            rows.push(("Distance of those", format!("{rmse} (root mean square)")));
         }
-        rows.push(("Beyond chance", text::format_percent(fit.agreement.max(0.0))));
+        let beyond = fit.chance_corrected_fitness();
+        rows.push(("Beyond chance", text::format_percent(beyond.max(0.0))));
     }
-    if let (Some(all), Some(effective)) = (facts.connections, facts.effective_connections) {
-        let all = text::format_count(all as usize);
-        rows.push(("Connections", format!("{all}, {} effective", text::format_number(effective))));
-    }
-    if let (Some(iterations), Some(stop)) = (facts.iterations, &facts.stop) {
-        rows.push(("Iterations", format!("{iterations}, ended by {}", stop.replace('-', " "))));
+    if let Some(found) = result.registration {
+        let all = text::format_count(found.connections as usize);
+        let effective = text::format_number(found.effective_connections);
+        rows.push(("Connections", format!("{all}, {effective} effective")));
+        let stop = serde_word(&found.stop).replace('-', " ");
+        rows.push(("Iterations", format!("{}, ended by {stop}", found.iterations)));
     }
     rows
+}
+
+/// Returns the word by which a value without fields is serialised.
+fn serde_word(value: &impl Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(word)) => word,
+        _ => String::new(),
+    }
 }
 
 /// A histogram of the distances of points to the other cloud.
@@ -178,25 +187,23 @@ pub(super) struct Input {
 }
 
 pub(super) fn inputs(
-    facts: &Facts,
+    found: Option<&Registration>,
     clouds: [&PointCloud; 2],
     names: &[String; 2],
 ) -> Result<[Input; 2]> {
-    let counts = |k: usize| -> Option<&Counted> {
-        let ends = facts.first().points.as_ref()?;
-        Some(if k == 0 { &ends.source } else { &ends.target })
-    };
+    let counts = found.map(|found| found.first().points);
+    let counts = counts.map(|counts| [counts.source, counts.target]);
     let input = |k: usize| {
-        let (cloud, counts) = (clouds[k], counts(k));
+        let (cloud, counts): (_, Option<CloudCounts>) = (clouds[k], counts.map(|both| both[k]));
         let channels: Vec<&str> = cloud.channels().names().collect();
         let dropped = counts.map_or(cloud.dropped(), |counts| counts.dropped);
         Ok(Input {
             name: names[k].clone(),
             used: text::format_count(counts.map_or(cloud.len(), |counts| counts.used)),
             dropped: text::format_count(dropped),
-            described: counts.and_then(|counts| counts.described).map(text::format_count),
+            described: counts.map(|counts| text::format_count(counts.described)),
             keypoints: counts.and_then(|counts| counts.keypoints).map(text::format_count),
-            oriented_by: counts.and_then(|counts| counts.oriented_by.clone()),
+            oriented_by: counts.and_then(|counts| counts.oriented_by).map(|by| serde_word(&by)),
             diagonal: text::format_number(cloud.diagonal()),
             resolution: text::format_number(search::resolution(cloud.points())?),
             unit: text::guess_unit(cloud.diagonal()),
@@ -232,11 +239,11 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    pub(super) fn from_stages(stages: &Stages) -> Vec<Stage> {
+    pub(super) fn from_stages(stages: &Timings) -> Vec<Stage> {
         let longest = stages.0.iter().map(|stage| stage.1).fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
-        let told = |(name, seconds): &(String, f64)| Stage {
-            name: name.clone(),
+        let told = |(name, seconds): &(std::borrow::Cow<'static, str>, f64)| Stage {
+            name: name.to_string(),
             seconds: format!("{seconds:.3}"),
             share: seconds / longest,
         };

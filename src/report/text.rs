@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::facts::Facts;
+use super::pair_result::PairResult;
+use crate::verify::{Decision, Verdict};
 
 /// The headline of a page.
 #[derive(Debug, Clone, Serialize)]
@@ -19,114 +20,96 @@ pub(super) struct Headline {
     pub(super) doubts: Vec<String>,
 }
 
+/// Colour and symbol of a headline.
+const GOOD: (&str, &str) = ("good", "\u{2713}");
+const UNSURE: (&str, &str) = ("unsure", "?");
+const BAD: (&str, &str) = ("bad", "\u{2717}");
+
 impl Headline {
-    pub(super) fn new(facts: &Facts) -> Headline {
-        let doubts: Vec<String> = facts.doubts.iter().map(|doubt| doubt.message.clone()).collect();
-        let Some(verdict) = &facts.verdict else {
-            return Headline::without_verdict(facts, doubts);
+    pub(super) fn new(result: &PairResult<'_>) -> Headline {
+        let warnings = result.warnings.iter();
+        let Some(verdict) = &result.verdict else {
+            let (mark, title) = match result.trusted {
+                true => (GOOD, "Nothing speaks against this pose"),
+                false => (BAD, "This pose is doubted"),
+            };
+            let line = "This method gives no probability; --verdict asks for one.".into();
+            let warnings = warnings.map(|warning| to_sentence(warning)).collect();
+            return Headline::from_parts(mark, title, line, Vec::new(), warnings);
         };
-        let told = format_percent(verdict.probability);
-        let loose = verdict.covariance.as_ref().map_or(0, |known| known.undetermined.len());
-        let (tone, sign, title, line) = match verdict.decision.as_str() {
-            "accept" if facts.trusted => (
-                "good",
-                "\u{2713}",
-                "Take this pose",
-                format!("Right with a probability of {told}."),
-            ),
-            "accept" => (
-                "unsure",
-                "?",
-                "Likely right, but doubted",
-                format!("Right with a probability of {told} by its surfaces; but see the doubts."),
-            ),
-            "ambiguous" if loose > 0 => (
-                "unsure",
-                "?",
-                "Not constrained in every direction",
-                format!(
-                    "Right with a probability of {told}, but {loose} of 6 degrees of freedom are \
-                     unconstrained: see the arrows."
-                ),
-            ),
-            "ambiguous" if verdict.other_scale.is_some() => (
-                "unsure",
-                "?",
-                "Two scales",
-                format!(
-                    "Right with a probability of {told} if both have one unit; but scaled by {:.3} \
-                     the source would lie on the target better.",
-                    verdict.other_scale.unwrap_or(1.0)
-                ),
-            ),
-            "ambiguous" if verdict.mirrored => (
-                "unsure",
-                "?",
-                "Mirrored",
-                format!(
-                    "Right with a probability of {told}, but the mirror image of the source fits \
-                     the target better."
-                ),
-            ),
-            "ambiguous" => (
-                "unsure",
-                "?",
-                "One of several poses",
-                match &verdict.runner_up {
-                    Some(other) => {
-                        let other = format_percent(other.probability);
-                        format!(
-                            "Right with a probability of {told}, another pose with {other}: compare them."
-                        )
-                    }
-                    None => {
-                        format!("Right with a probability of {told}; an alternative is possible.")
-                    }
-                },
-            ),
-            "uncertain" => (
-                "unsure",
-                "?",
-                "Uncertain",
-                format!("Right with a probability of {told}: check it before you use it."),
-            ),
-            _ => (
-                "bad",
-                "\u{2717}",
-                "Do not take this pose",
-                format!("Right with a probability of {told}; the clouds may share nothing."),
-            ),
-        };
+        let (mark, title, line) = decision_text(verdict, result.trusted);
         let reasons = verdict.reasons.iter().map(|reason| to_sentence(reason)).collect();
-        let retold = |doubt: &String| !verdict.reasons.iter().any(|reason| doubt.contains(reason));
-        let doubts = doubts.into_iter().filter(retold).map(|doubt| to_sentence(&doubt)).collect();
-        Headline { tone, sign, title: title.into(), line, reasons, doubts }
+        let new = |warning: &&String| !verdict.reasons.iter().any(|why| warning.contains(why));
+        let warnings = warnings.filter(new).map(|warning| to_sentence(warning)).collect();
+        Headline::from_parts(mark, title, line, reasons, warnings)
     }
 
-    fn without_verdict(facts: &Facts, doubts: Vec<String>) -> Headline {
-        let (tone, sign, title, line) = match facts.trusted {
-            true => (
-                "good",
-                "\u{2713}",
-                "Nothing speaks against this pose",
-                "This method gives no probability; --verdict asks for one.",
-            ),
-            false => (
-                "bad",
-                "\u{2717}",
-                "This pose is doubted",
-                "This method gives no probability; --verdict asks for one.",
-            ),
-        };
-        Headline {
-            tone,
-            sign,
-            title: title.into(),
-            line: line.into(),
-            reasons: Vec::new(),
-            doubts: doubts.iter().map(|doubt| to_sentence(doubt)).collect(),
+    fn from_parts(
+        (tone, sign): (&'static str, &'static str),
+        title: &str,
+        line: String,
+        reasons: Vec<String>,
+        doubts: Vec<String>,
+    ) -> Headline {
+        Headline { tone, sign, title: title.into(), line, reasons, doubts }
+    }
+}
+
+/// Returns the mark, the title and the sentence of a verdict.
+fn decision_text(
+    verdict: &Verdict,
+    trusted: bool,
+) -> ((&'static str, &'static str), &'static str, String) {
+    let told = format_percent(verdict.probability);
+    let right = format!("Right with a probability of {told}");
+    match verdict.decision {
+        Decision::Accept if trusted => (GOOD, "Take this pose", format!("{right}.")),
+        Decision::Accept => (
+            UNSURE,
+            "Likely right, but doubted",
+            format!("{right} by its surfaces; but see the doubts."),
+        ),
+        Decision::Ambiguous => {
+            let (title, line) = ambiguity_text(verdict, &right);
+            (UNSURE, title, line)
+        }
+        Decision::Uncertain => {
+            (UNSURE, "Uncertain", format!("{right}: check it before you use it."))
+        }
+        Decision::Reject => {
+            (BAD, "Do not take this pose", format!("{right}; the clouds may share nothing."))
         }
     }
+}
+
+/// Returns the title and the sentence of an ambiguous pose, which begins with `right`.
+fn ambiguity_text(verdict: &Verdict, right: &str) -> (&'static str, String) {
+    let loose = verdict.covariance.as_ref().map_or(0, |known| known.unobservable.len());
+    if loose > 0 {
+        let line = format!(
+            "{right}, but {loose} of 6 degrees of freedom are unconstrained: see the arrows."
+        );
+        return ("Not constrained in every direction", line);
+    }
+    if let Some(scale) = verdict.other_scale {
+        let line = format!(
+            "{right} if both have one unit; but scaled by {scale:.3} the source would lie on the \
+             target better."
+        );
+        return ("Two scales", line);
+    }
+    if verdict.mirrored {
+        let line = format!("{right}, but the mirror image of the source fits the target better.");
+        return ("Mirrored", line);
+    }
+    let line = match &verdict.runner_up {
+        Some(other) => {
+            let other = format_percent(other.probability);
+            format!("{right}, another pose with {other}: compare them.")
+        }
+        None => format!("{right}; an alternative is possible."),
+    };
+    ("One of several poses", line)
 }
 
 /// Formats a probability or share in percent, never rounded to certainty.

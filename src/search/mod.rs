@@ -82,6 +82,7 @@ impl fmt::Display for Neighborhood {
 
 /// A neighbour: its index and its squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Neighbor {
     /// Index into the searched points.
     pub index: u32,

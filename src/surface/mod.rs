@@ -41,6 +41,9 @@ pub(crate) struct Surface {
     /// Unit vectors.
     pub(crate) normals: Vec<[f32; 3]>,
     pub(crate) descriptors: Descriptors,
+    /// Descriptors by which correspondences are found, if they are not `descriptors`: those that
+    /// the cloud carries, alone or joined with others.
+    pub(crate) matching: Option<Arc<Descriptors>>,
     /// Values of channels at the points, channel by channel, until they are appended to the
     /// descriptors.
     pub(crate) channels: Vec<Vec<f32>>,
@@ -128,6 +131,7 @@ impl Surface {
             origin: cloud.origin(),
             normals,
             descriptors: Descriptors::new(1, vec![0.0; cloud.len()]).unwrap(),
+            matching: None,
             channels: Vec::new(),
             weights: None,
             index: SurfaceIndex::new(cloud.points(), radius).unwrap().into(),
@@ -136,9 +140,14 @@ impl Surface {
         }
     }
 
-    /// One side of a full connection.
-    pub(crate) fn feature_view(&self) -> FeatureView<'_> {
-        FeatureView { points: &self.points, origin: self.origin, descriptors: &self.descriptors }
+    /// The descriptors by which correspondences are found.
+    pub(crate) fn matching_descriptors(&self) -> &Descriptors {
+        self.matching.as_deref().unwrap_or(&self.descriptors)
+    }
+
+    /// One side of a full connection by these descriptors of the points.
+    pub(crate) fn feature_view<'a>(&'a self, descriptors: &'a Descriptors) -> FeatureView<'a> {
+        FeatureView { points: &self.points, origin: self.origin, descriptors }
     }
 }
 

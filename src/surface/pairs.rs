@@ -6,6 +6,7 @@ use crate::math::{self, Vec3};
 
 /// A source point and its nearest target point under the pose.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct SurfacePair {
     /// Weight of the pair, above 0.
     pub weight: f64,

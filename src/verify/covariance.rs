@@ -20,6 +20,7 @@ use crate::surface::{SurfacePair, twist_row};
 
 /// A small motion: a turn about the [`center`](PoseCovariance::center), and a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Twist {
     /// Rotation vector, radians.
     pub rotation: Vec3,
@@ -35,6 +36,7 @@ pub struct Twist {
 /// It knows of noise and of errors that go together among neighbours, not of a scan that is
 /// warped as a whole, which agrees with itself and no other frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PoseCovariance {
     /// Rows of six: rotation vector (radians), then translation (the target's unit).
     pub matrix: Mat6,

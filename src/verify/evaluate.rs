@@ -16,6 +16,7 @@ pub const DISTANCE_IN_RESOLUTIONS: f64 = 2.0;
 ///
 /// Serialises with its [`chance_corrected_fitness`](Self::chance_corrected_fitness).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Evaluation {
     /// Share of the *source* points that have a target point within
     /// [`max_distance`](Self::max_distance) once moved, in [0, 1].

@@ -8,6 +8,7 @@ use crate::error::Result;
 
 /// Evaluation of a pose: the fit of the clouds, and the error against the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct EvaluationReport {
     /// Fit of the clouds.
     #[serde(flatten)]

@@ -7,6 +7,7 @@ use crate::math::{self, Vec3};
 
 /// Error of a pose against the true pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct PoseError {
     /// Angle between the two rotations, degrees in [0, 180].
     pub rotation_deg: f64,

@@ -73,6 +73,7 @@ impl fmt::Display for Decision {
 
 /// Another pose that would do.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RunnerUp {
     /// Source into target frame.
     pub transform: Transform,
@@ -82,6 +83,7 @@ pub struct RunnerUp {
 
 /// Whether to take an answer, and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Verdict {
     /// The decision.
     pub decision: Decision,

@@ -42,6 +42,7 @@ const SPHERE_TRIALS: usize = 400;
 
 /// The largest distance that a sensor reports, if many points are at it.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct MaxRangeReturns {
     /// The sensor's position, in the cloud's frame.
     pub viewpoint: Vec3,

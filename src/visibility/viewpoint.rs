@@ -31,6 +31,7 @@ pub enum ViewpointSide {
 
 /// The best viewpoints, with the cost of each ([`OrientedSample::visibility_cost`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ViewpointEstimates {
     /// From outside.
     pub outside: Option<(Vec3, f64)>,

@@ -178,7 +178,7 @@ fn what_an_earlier_run_left_is_not_lost_by_mistake() {
     refused(path, &format!("{RUN} -o rows.csv"), "--overwrite");
     let output = cfreg(path, &format!("{RUN} -o rows.csv --resume"));
     assert!(output.status.success() && said(&output).contains("complete"));
-    assert!(said(&output).contains("28 pairs: ") && said(&output).contains("3 without answer"));
+    assert!(said(&output).contains("28 pairs: ") && said(&output).contains("3 without a pose"));
     // An output of other settings, of other pairs, or that is cut short.
     for end in ["parquet", "jsonl", "csv"] {
         let again = format!("{RUN} -o rows.{end} --resume");

@@ -121,7 +121,7 @@ fn advice_is_of_use_against_the_doubt() {
     assert_eq!(output.status.code(), Some(1));
     // More seeds do not break a symmetry.
     assert!(
-        said(&output).contains("cfreg: try what tells the poses apart: --channels"),
+        said(&output).contains("cfreg: try something that distinguishes the poses: --channels"),
         "{}",
         said(&output)
     );

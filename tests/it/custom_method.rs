@@ -104,8 +104,7 @@ fn it_runs_in_bulk_and_has_a_page() {
     let rows = results::read(&output).unwrap();
     assert!(rows.len() == 2 && rows.iter().all(|row| row.fitness.unwrap() > 0.3));
     let found = METHOD.register(&source, &target).unwrap();
-    let json = serde_json::to_string(&found).unwrap();
-    let page = PairReport::new(&json, &source, &target).unwrap().html().unwrap();
+    let page = PairReport::new(&found, &source, &target).html().unwrap();
     assert!(page.contains("principal-axes"));
 }
 

@@ -271,7 +271,7 @@ fn rows_that_were_changed_are_registered_again() {
         fs::write(path.join("rows.csv.part"), text.collect::<String>()).unwrap();
         let _ = fs::remove_file(path.join("rows.csv"));
         let said = done(path, &format!("CFREG batch pairs.csv -o rows.csv {RUN} --resume"));
-        assert!(said.contains("1 lines of rows.csv.part were changed"), "{said}");
+        assert!(said.contains("1 lines of rows.csv.part were modified"), "{said}");
         assert!(fs::read(path.join("rows.csv")).unwrap() == whole);
         assert!(!path.join("rows.csv.part").exists());
     }

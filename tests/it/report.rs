@@ -143,7 +143,7 @@ fn a_kept_result_is_shown_while_its_clouds_are_there() {
     assert!(output.status.success(), "{}", stderr(&output));
     failed("report kept.json", "has the file changed?");
     fs::remove_file(folder.path().join("pair/target.pcd")).unwrap();
-    failed("report kept.json", "names the cloud pair/target.pcd, which is neither there");
+    failed("report kept.json", "names the cloud pair/target.pcd, which is neither at that path");
     failed("register target pair/source.pcd --report no/out.html", "does not exist");
     failed("register target pair/source.pcd --figure out.jpeg", "must end in .png or .svg");
     failed("register target pair/source.pcd --report target", "overwrite");

@@ -64,6 +64,35 @@ class CustomMethod(unittest.TestCase):
             cfreg.register(self.source, self.target, object())
 
 
+    def test_it_runs_in_bulk(self):
+        wrong = Centroids(np.eye(3))
+        pairs = [(self.source, self.target), (self.source, self.source[:2])]
+        found = cfreg.register_batch(pairs, self.mine, refine="icp")
+        self.assertEqual(list(found["decision"]), ["accept", None])
+        alone = cfreg.register(self.source, self.target, self.mine, refine="icp")
+        np.testing.assert_allclose(found.transform[0], alone.transform, atol=1e-12)
+        self.assertNotEqual(cfreg.register_batch(pairs[:1], wrong)["decision"][0], "accept")
+        self.assertEqual(cfreg.register_batch(pairs[:1], self.mine, verdict=False)["decision"].tolist(), [None])
+        with self.assertRaisesRegex(cfreg.SettingError, "seeds = 3: a method of your own takes none"):
+            cfreg.register_batch(pairs, self.mine, seeds=3)
+
+    def test_its_exceptions_are_errors_of_rows(self):
+        class Fails:
+            def register(self, source, target):
+                if len(source) < 10:
+                    raise LookupError("too small for me")
+                return np.eye(4)
+
+        pairs = [(self.source[:5], self.target), (self.source, self.source)]
+        with tempfile.TemporaryDirectory() as folder:
+            rows = Path(folder) / "rows.csv"
+            done = cfreg.register_batch(pairs, Fails(), output=rows)
+            self.assertEqual((done.pairs, done.errors), (2, 1))
+            found = cfreg.read_batch(rows)
+        self.assertIn("method = Fails: LookupError: too small for me", found["error"][0])
+        self.assertEqual(found["decision"][1], "accept")
+
+
 class GivenMatches(unittest.TestCase):
     def setUp(self):
         rng = np.random.default_rng(3)

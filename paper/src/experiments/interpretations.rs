@@ -110,59 +110,100 @@ fn describe_counts(results: &Results, row: &ComparisonRow, columns: &[Comparison
 }
 
 fn topics() -> Vec<Topic> {
-    let robustness =
-        |motion| ComparisonColumn { test: Test::Robustness, shape: Shape::Bunny, motion, noise: 0 };
-    let accuracy =
-        |shape, motion| ComparisonColumn { test: Test::Accuracy, shape, motion, noise: 0 };
     let outliers = Motion::ALL.map(robustness).to_vec();
     let mut both = outliers.clone();
     for motion in Motion::ALL {
         both.extend(Shape::ALL.map(|shape| accuracy(shape, motion)));
     }
-    let row = |label: String, contender, reading, variation| ComparisonRow {
-        label,
-        contender,
-        reading,
-        variation,
+    let armadillo = [Motion::Small, Motion::Large].map(|motion| accuracy(Shape::Armadillo, motion));
+    let topic = |title, columns: &[ComparisonColumn], rows| Topic {
+        title,
+        columns: columns.to_vec(),
+        rows,
     };
-    let fitting = |label: &str, contender, variation| {
-        row(label.to_string(), contender, Interpretation::Fitting, variation)
-    };
+    vec![
+        topic("TEASER's noise bound", &both, noise_bounds()),
+        topic("CF's β, from the surface (fitting) and from the scan's points", &both, betas()),
+        topic("CFK's keypoints", &both, keypoints()),
+        topic("Where ICP ends", &both, icp_ends()),
+        topic("Where normals look", &both, viewpoints()),
+        topic("The ball of outliers", &outliers, outlier_radii()),
+        topic("The side from which the Armadillo is seen", &armadillo, seen_sides()),
+        topic("CPD's arithmetic", &outliers, cpd_arithmetic()),
+        topic("What is sampled, under noise (section IV-B)", &noise_levels(), sampled_surfaces()),
+    ]
+}
 
-    let bound = |bound: Option<f64>| {
+fn robustness(motion: Motion) -> ComparisonColumn {
+    ComparisonColumn { test: Test::Robustness, shape: Shape::Bunny, motion, noise: 0 }
+}
+
+fn accuracy(shape: Shape, motion: Motion) -> ComparisonColumn {
+    ComparisonColumn { test: Test::Accuracy, shape, motion, noise: 0 }
+}
+
+fn noise_levels() -> Vec<ComparisonColumn> {
+    let levels = [20, 100, 200].into_iter().flat_map(|noise| {
+        Motion::ALL.map(move |motion| ComparisonColumn {
+            test: Test::Sensitivity,
+            shape: Shape::Bunny,
+            motion,
+            noise,
+        })
+    });
+    levels.collect()
+}
+
+/// A row of the reading `fitting`.
+fn fitting(label: &str, contender: Contender, variation: Variation) -> ComparisonRow {
+    let (label, reading) = (label.to_string(), Interpretation::Fitting);
+    ComparisonRow { label, contender, reading, variation }
+}
+
+fn noise_bounds() -> Vec<ComparisonRow> {
+    let row = |bound: Option<f64>| {
         let label = bound.map_or("from the resolution".into(), |bound| format!("{bound} m"));
         fitting(&label, Contender::Teaser, Variation::NoiseBound(bound))
     };
-    let bounds = [None, Some(0.005), Some(0.01), Some(0.02), Some(0.05), Some(0.1)];
+    [None, Some(0.005), Some(0.01), Some(0.02), Some(0.05), Some(0.1)].map(row).into()
+}
 
-    let beta = |reading, beta| {
-        row(format!("{beta}, {reading}"), Contender::Cf, reading, Variation::Beta(beta))
+fn betas() -> Vec<ComparisonRow> {
+    let row = |reading, beta| ComparisonRow {
+        label: format!("{beta}, {reading}"),
+        contender: Contender::Cf,
+        reading,
+        variation: Variation::Beta(beta),
     };
-    let betas = [Interpretation::Fitting, Interpretation::Points]
+    [Interpretation::Fitting, Interpretation::Points]
         .into_iter()
-        .flat_map(|reading| [25.0, 50.0, 100.0, 200.0, 400.0].map(|size| beta(reading, size)));
+        .flat_map(|reading| [25.0, 50.0, 100.0, 200.0, 400.0].map(|size| row(reading, size)))
+        .collect()
+}
 
+fn keypoints() -> Vec<ComparisonRow> {
     let sift = |label: &str, unit, min_scale, octaves, scales, min_contrast| {
         let sift = Sift { unit, min_scale, octaves, scales, min_contrast };
         fitting(label, Contender::Cfk, Variation::Keypoints(sift))
     };
-    let keypoints = vec![
+    vec![
         sift("0.5 resolutions, 4 octaves of 8 scales (ours)", None, 0.5, 4, 8, 0.0),
         sift("1 resolution, 3 octaves of 4", None, 1.0, 3, 4, 0.0),
         sift("1 resolution, 4 octaves of 16", None, 1.0, 4, 16, 0.0),
         sift("1 cm, 3 octaves of 4, contrast 0.001 (PCL's example)", Some(1.0), 0.01, 3, 4, 1e-3),
-    ];
+    ]
+}
 
-    let rest = vec![
-        fitting(
-            "fitness epsilon 0.05 as a share (the paper's, as PCL has it)",
-            Contender::Icp,
-            Variation::Plain,
-        ),
+fn icp_ends() -> Vec<ComparisonRow> {
+    let paper = "fitness epsilon 0.05 as a share (the paper's, as PCL has it)";
+    vec![
+        fitting(paper, Contender::Icp, Variation::Plain),
         fitting("until it rests", Contender::Icp, Variation::AtRest),
-    ];
+    ]
+}
 
-    let viewpoints = [Contender::Cf, Contender::Cfk].into_iter().flat_map(|contender| {
+fn viewpoints() -> Vec<ComparisonRow> {
+    let rows = [Contender::Cf, Contender::Cfk].into_iter().flat_map(|contender| {
         let look = |label: &str, viewpoint| {
             fitting(&format!("{contender}, {label}"), contender, Variation::Viewpoint(viewpoint))
         };
@@ -173,77 +214,54 @@ fn topics() -> Vec<Topic> {
             look("the sensor, one metre in front", NormalViewpoint::At(SENSOR)),
         ]
     });
+    rows.collect()
+}
 
-    let balls = [Contender::Cf, Contender::Teaser].into_iter().flat_map(|contender| {
+fn outlier_radii() -> Vec<ComparisonRow> {
+    let rows = [Contender::Cf, Contender::Teaser].into_iter().flat_map(|contender| {
         [0.2, 0.1].map(|radius| {
             fitting(&format!("{contender}, radius {radius}"), contender, Variation::Radius(radius))
         })
     });
+    rows.collect()
+}
 
+fn seen_sides() -> Vec<ComparisonRow> {
     let sides = [Contender::Cf, Contender::Teaser, Contender::CfMultiscale];
-    let sides = sides.into_iter().flat_map(|contender| {
+    let rows = sides.into_iter().flat_map(|contender| {
         [0, 45, 90, 135, 180, 225, 270, 315].map(|degrees| {
             fitting(&format!("{contender}, {degrees}°"), contender, Variation::Side(degrees))
         })
     });
-    let armadillo =
-        [accuracy(Shape::Armadillo, Motion::Small), accuracy(Shape::Armadillo, Motion::Large)];
+    rows.collect()
+}
 
+fn cpd_arithmetic() -> Vec<ComparisonRow> {
     let tolerances = [1e-3, 1e-5, 1e-8].map(|tolerance| {
-        fitting(
-            &format!("tolerance {tolerance:e}"),
-            Contender::Cpd,
-            Variation::Tolerance(tolerance),
-        )
+        let label = format!("tolerance {tolerance:e}");
+        fitting(&label, Contender::Cpd, Variation::Tolerance(tolerance))
     });
     let decimals = [9, 8, 7, 6].map(|decimals| {
         let label = format!("coordinates of {decimals} decimals");
         fitting(&label, Contender::Cpd, Variation::Decimals(decimals))
     });
+    tolerances.into_iter().chain(decimals).collect()
+}
 
-    let levels = [20, 100, 200].into_iter().flat_map(|noise| {
-        let of = move |motion| ComparisonColumn {
-            test: Test::Sensitivity,
-            shape: Shape::Bunny,
-            motion,
-            noise,
-        };
-        Motion::ALL.map(of)
-    });
-    // Without DARE, which computes no descriptors and takes longest.
+/// Without DARE, which computes no descriptors and takes longest.
+fn sampled_surfaces() -> Vec<ComparisonRow> {
     let swift = Contender::ALL.into_iter().filter(|&contender| contender != Contender::Dare);
-    let sampled = swift.flat_map(|contender| {
+    let rows = swift.flat_map(|contender| {
         [(Interpretation::Fitting, "surface"), (Interpretation::Points, "points")].map(
-            |(reading, from)| {
-                row(format!("{contender}, {from}"), contender, reading, Variation::Plain)
+            |(reading, from)| ComparisonRow {
+                label: format!("{contender}, {from}"),
+                contender,
+                reading,
+                variation: Variation::Plain,
             },
         )
     });
-
-    let topic = |title, columns: &[ComparisonColumn], rows| Topic {
-        title,
-        columns: columns.to_vec(),
-        rows,
-    };
-    vec![
-        topic("TEASER's noise bound", &both, bounds.into_iter().map(bound).collect()),
-        topic(
-            "CF's β, from the surface (fitting) and from the scan's points",
-            &both,
-            betas.collect(),
-        ),
-        topic("CFK's keypoints", &both, keypoints),
-        topic("Where ICP ends", &both, rest),
-        topic("Where normals look", &both, viewpoints.collect()),
-        topic("The ball of outliers", &outliers, balls.collect()),
-        topic("The side from which the Armadillo is seen", &armadillo, sides.collect()),
-        topic("CPD's arithmetic", &outliers, tolerances.into_iter().chain(decimals).collect()),
-        topic(
-            "What is sampled, under noise (section IV-B)",
-            &levels.collect::<Vec<_>>(),
-            sampled.collect(),
-        ),
-    ]
+    rows.collect()
 }
 
 const LEGEND: &str = "# What the paper leaves open, each choice beside the printed figure\n\n\

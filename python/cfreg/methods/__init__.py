@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from .. import _interop, _native
 from ..results import Registration
-from .base import LocalMethod, Method, Refinements, _options, _refinements
+from .base import FeatureMethod, LocalMethod, Method, Refinements, _options, _refinements
 from .by_consensus import Consensus, verify
 from .by_descriptor import CF, CFK, TEASER, CFSpectral
 from .by_position import CPD, DARE, ICP, KC
@@ -91,17 +91,21 @@ def _register_custom(
 ) -> Registration:
     """The pose of a method of one's own, as a Registration."""
     transform = chosen.register(source, target)
-    name = str(getattr(chosen, "name", type(chosen).__name__))
-    settings = getattr(chosen, "settings", {})
     found = _native.register_pose(
         source,
         target,
         transform,
-        (name, _interop.to_json(settings)),
+        _custom_named(chosen),
         _refinements(refine),
         _interop.to_json(_options(verdict, keep_no_returns)),
     )
     return Registration(json.loads(found), (source, target))
+
+
+def _custom_named(chosen: CustomMethod) -> tuple[str, str]:
+    """Name and settings of a method of one's own."""
+    name = str(getattr(chosen, "name", type(chosen).__name__))
+    return name, _interop.to_json(getattr(chosen, "settings", {}))
 
 
 def _is_custom(given: Any) -> bool:
@@ -132,6 +136,7 @@ def register(
     initial: npt.ArrayLike | None = None,
     matches: npt.ArrayLike | None = None,
     scores: npt.ArrayLike | None = None,
+    descriptors: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     verdict: bool | str = "auto",
     keep_no_returns: bool = False,
     **settings: Any,
@@ -153,6 +158,10 @@ def register(
     matches : (K, 2) rows of source and target, correspondences from elsewhere, for "consensus" and
         "teaser": they take the place of those by descriptors
     scores : (K,) weights of the matches, 0 or more, for "consensus"
+    descriptors : (N, D) and (M, D) numbers, D up to 512: a row for each row of source and of target,
+        such as learned features, for "consensus", "cf", "cf-multiscale", "cf-spectral", "cfk" and
+        "teaser". They replace FPFH, unless the setting given_descriptors has them "beside" it; with
+        ":cosine", "replace:cosine", rows are compared by the angle between them
     verdict : whether a pose of a method without a verdict of its own is verified by a search like
         that of "consensus": True ("on"), False ("off") or "auto", which is True here
     keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
@@ -184,7 +193,13 @@ def register(
     (True, 90, (4, 4))
     """
     if _is_custom(method):
-        given = {"initial": initial, "matches": matches, "scores": scores, **settings}
+        given = {
+            "initial": initial,
+            "matches": matches,
+            "scores": scores,
+            "descriptors": descriptors,
+            **settings,
+        }
         for name, value in given.items():
             if value is not None:
                 raise _native.SettingError(f"{name}: a method of your own takes none: give it there")
@@ -204,6 +219,15 @@ def register(
         if matches is None or not isinstance(chosen, Consensus):
             raise _native.SettingError("scores: only consensus takes them, with matches: leave them out")
         others["scores"] = scores
+    if descriptors is not None:
+        if not isinstance(chosen, (FeatureMethod, Consensus)):
+            raise _native.SettingError(f"descriptors: {chosen.name} takes none: leave them out")
+        if not isinstance(descriptors, (tuple, list)) or len(descriptors) != 2:
+            shown = _interop.shown(descriptors)
+            raise TypeError(f"descriptors: two arrays are needed, of source and target, not {shown}")
+        if chosen.given_descriptors is None:
+            chosen = dataclasses.replace(chosen, given_descriptors="replace")
+        others["descriptors"] = tuple(descriptors)
     return chosen._register(
         source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns, **others
     )

@@ -172,6 +172,9 @@ class FeatureMethod(Method):
     histogram : "pcl", blocks that sum to 100, or "open3d", blocks that sum to 200
     channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
         a share: 1, the default, matters as much as the whole shape
+    given_descriptors : use of the descriptors that both clouds carry (`PointCloud(descriptors=...)`,
+        or `descriptors` of register): "replace" FPFH, or "beside" it; with ":cosine" by the angle
+        between rows. None: they are not used
     """
 
     neighbors: int = 150
@@ -181,6 +184,7 @@ class FeatureMethod(Method):
     orientation: str | Sequence[float] = "viewpoint"
     histogram: str = "pcl"
     channels: str | Sequence[str] = ()
+    given_descriptors: str | None = None
 
     def __post_init__(self) -> None:
         # Tuples compare, and cannot be changed later.

@@ -31,6 +31,9 @@ class Consensus(Method):
     prior : cfreg.Prior, what is known of the pose beforehand
     channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
         a share: 1, the default, matters as much as the whole shape
+    given_descriptors : use of the descriptors that both clouds carry (`PointCloud(descriptors=...)`,
+        or `descriptors` of register): "replace" FPFH, or "beside" it; with ":cosine" by the angle
+        between rows. None: they are not used
     range_limit : whether returns at the limit of a sensor's range are looked for and left out;
         False where a round wall is taken for such (the reasons of the verdict tell)
     keep_no_returns : whether rows that mark measurements without a return are kept
@@ -47,6 +50,7 @@ class Consensus(Method):
     seeds: int = 200
     prior: Prior | None = None
     channels: str | Sequence[str] = ()
+    given_descriptors: str | None = None
     range_limit: bool = True
     keep_no_returns: bool = False
     model: str | os.PathLike[str] | dict[str, Any] | None = None

@@ -39,6 +39,8 @@ class CF(FeatureMethod):
         point ("viewpoint", "outward", "stored", or three numbers), whose FPFH
     channels : names of channels of both clouds to compare points by too, ("intensity:0.5",
         "red") with a share: 1, the default, matters as much as the whole shape
+    given_descriptors : use of the descriptors that both clouds carry: None, "replace", "beside",
+        "replace:cosine" or "beside:cosine", see FeatureMethod
     prior : cfreg.Prior, what is known of the pose beforehand
 
     >>> import cfreg
@@ -140,7 +142,7 @@ class CFSpectral(FeatureMethod):
     solver : "arun", "horn-quaternion", "horn-matrix", "walker"; all give the same answer
     prior : cfreg.Prior, what is known of the pose beforehand
     neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram,
-        channels : see CF; by default 100 neighbours, normals of 20, "open3d"
+        channels, given_descriptors : see CF; by default 100 neighbours, normals of 20, "open3d"
 
     >>> import cfreg
     >>> cfreg.CFSpectral(compatibility={"min_length": 3}).settings()["compatibility"]["min_length"]
@@ -175,7 +177,7 @@ class TEASER(FeatureMethod):
     prior : cfreg.Prior, what is known of the pose beforehand
     trace : whether to record every iteration
     neighbors, radius, normal_neighbors, more_neighbors, orientation, histogram,
-        channels : see CF
+        channels, given_descriptors : see CF
     """
 
     name: ClassVar[str] = "teaser"

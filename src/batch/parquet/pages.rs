@@ -210,7 +210,21 @@ impl PageHeader {
         optional: bool,
         dictionary: bool,
     ) -> Result<()> {
-        let page = &chunk[self.at..self.at + self.packed];
+        self.check_size(&chunk[self.at..self.at + self.packed], snappy)?;
+        if !self.fits(physical, dictionary)? {
+            return Err(format!("values of this kind cannot be {:?}", self.encoding.as_crate()));
+        }
+        // Levels mark missing values; without levels no value may be missing.
+        if let PageBody::V2 { levels, nulls, .. } = self.body
+            && (nulls > self.values || (!optional && (nulls > 0 || levels > 0)))
+        {
+            return Err(format!("{nulls} of {} values are missing", self.values));
+        }
+        Ok(())
+    }
+
+    /// Checks the sizes that the header claims against the bytes of the page.
+    fn check_size(&self, page: &[u8], snappy: bool) -> Result<()> {
         let (levels, compressed) = match self.body {
             PageBody::V2 { levels, compressed, .. } => (levels, snappy && compressed),
             _ => (0, snappy),
@@ -234,9 +248,14 @@ impl PageHeader {
                 self.packed, self.unpacked
             ));
         }
+        Ok(())
+    }
+
+    /// Returns whether values of the column's type can have the encoding of the page.
+    fn fits(&self, physical: PhysicalType, dictionary: bool) -> Result<bool> {
         let text = physical == PhysicalType::Text;
         let whole = matches!(physical, PhysicalType::Int32 | PhysicalType::Int64);
-        let fits = match (self.body, self.encoding) {
+        Ok(match (self.body, self.encoding) {
             (PageBody::Dictionary, ValueEncoding::Plain | ValueEncoding::Dictionary) => {
                 if dictionary {
                     return Err("it has two dictionaries".into());
@@ -262,17 +281,7 @@ impl PageHeader {
             (_, ValueEncoding::Deltas) => whole,
             (_, ValueEncoding::DeltaLengths) => text,
             (_, ValueEncoding::Split) => !text && physical != PhysicalType::Flag,
-        };
-        if !fits {
-            return Err(format!("values of this kind cannot be {:?}", self.encoding.as_crate()));
-        }
-        // Levels mark missing values; without levels no value may be missing.
-        if let PageBody::V2 { levels, nulls, .. } = self.body
-            && (nulls > self.values || (!optional && (nulls > 0 || levels > 0)))
-        {
-            return Err(format!("{nulls} of {} values are missing", self.values));
-        }
-        Ok(())
+        })
     }
 }
 

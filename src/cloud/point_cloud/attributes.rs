@@ -1,9 +1,11 @@
-//! Attributes of the points of a cloud beside their positions: normals, weights, channels.
+//! Attributes of the points of a cloud beside their positions: normals, weights, channels,
+//! descriptors.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::PointCloud;
-use crate::cloud::Channels;
+use crate::cloud::{Channels, Descriptors};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
@@ -17,20 +19,23 @@ pub struct Attributes<'a> {
     pub weights: Option<&'a [f64]>,
     /// Channels as in [`PointCloud::with_channels`].
     pub channels: Option<&'a Channels>,
+    /// Descriptors as in [`PointCloud::with_descriptors`].
+    pub descriptors: Option<&'a Descriptors>,
 }
 
 impl PointCloud {
     /// Creates a cloud with the attributes of its points, in the same order. A dropped point takes
-    /// its normal, its weight and its channels along.
+    /// its normal, its weight, its channels and its descriptor along.
     ///
     /// # Errors
     /// [`Error::Shape`] when there is not one row a point, and the errors of [`new`](Self::new) and
     /// [`with_weights`](Self::with_weights).
     pub fn with_attributes(points: &[[f64; 3]], attributes: Attributes<'_>) -> Result<Self> {
-        let Attributes { normals, weights, channels } = attributes;
+        let Attributes { normals, weights, channels, descriptors } = attributes;
         check_row_count("normals", normals.map(<[Vec3]>::len), points.len())?;
         check_row_count("weights", weights.map(<[f64]>::len), points.len())?;
         channels.map_or(Ok(()), |channels| channels.check(points.len()))?;
+        descriptors.map_or(Ok(()), |rows| rows.check_count(points.len()))?;
         let mut cloud = Self::new(points)?;
         let finite = |&i: &usize| points[i].iter().all(|x| x.is_finite());
         let kept: Vec<usize> = (0..points.len()).filter(finite).collect();
@@ -39,6 +44,7 @@ impl PointCloud {
         if let Some(channels) = channels {
             cloud.channels = channels.map(|values| kept.iter().map(|&i| values[i]).collect());
         }
+        cloud.descriptors = descriptors.map(|rows| rows.select(&kept).into());
         match weights {
             Some(weights) => cloud.with_weights(kept.iter().map(|&i| weights[i]).collect()),
             None => Ok(cloud),
@@ -94,8 +100,9 @@ impl PointCloud {
         Ok(PointCloud { channels, ..self })
     }
 
-    /// Joins this cloud and another of the same frame: the points of both, with normals, weights
-    /// and channels where both have them. Colours of two depths are numbers. There is no viewpoint.
+    /// Joins this cloud and another of the same frame: the points of both, with normals, weights,
+    /// channels, and descriptors of one width, where both have them. Colours of two depths are
+    /// numbers. There is no viewpoint.
     ///
     /// # Errors
     /// [`Error::Extent`] when both together span too much for [`new`](Self::new).
@@ -123,7 +130,36 @@ impl PointCloud {
             Some(weights) => joined.with_weights(weights.into_iter().map(f64::from).collect())?,
             None => joined,
         };
+        let rows = self.descriptors.as_deref().zip(other.descriptors.as_deref());
+        let joined = match rows.filter(|(own, other)| own.dim() == other.dim()) {
+            Some((own, other)) => {
+                let values = [own.as_slice(), other.as_slice()].concat();
+                joined.with_descriptors(Descriptors::new(own.dim(), values)?)?
+            }
+            None => joined,
+        };
         Ok(joined.with_no_returns(self.no_returns + other.no_returns))
+    }
+
+    /// Attaches a descriptor to each remaining point, of any origin: learned features, say. Filters
+    /// keep the rows of the points that they keep, and average rows where they average points.
+    /// Methods compare points by them where their setting
+    /// [`given_descriptors`](crate::method::FeatureConfig::given_descriptors) says so.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when there is not one row a point, [`Error::Config`] for rows of more than
+    /// 512 values, for a value beyond ±1e15, and for a row of zeros.
+    ///
+    /// ```
+    /// use cfreg::{Descriptors, PointCloud};
+    /// let cloud = PointCloud::new(&[[0.0; 3], [1.0, 0.0, 0.0]])?;
+    /// let cloud = cloud.with_descriptors(Descriptors::new(2, vec![1.0, 0.0, 0.5, 2.0])?)?;
+    /// assert_eq!(cloud.select(&[1]).descriptors().unwrap().row(0), [0.5, 2.0]);
+    /// # Ok::<(), cfreg::Error>(())
+    /// ```
+    pub fn with_descriptors(self, descriptors: Descriptors) -> Result<Self> {
+        descriptors.check_carried(self.len())?;
+        Ok(PointCloud { descriptors: Some(descriptors.into()), ..self })
     }
 
     /// Returns the weights of the points, finite and 0 or more, if the cloud has any; else all
@@ -159,6 +195,11 @@ impl PointCloud {
     /// Removes the weights.
     pub(crate) fn unweighted(&self) -> PointCloud {
         PointCloud { weights: None, ..self.clone() }
+    }
+
+    /// Returns the descriptors that the cloud carries, one row a point.
+    pub fn descriptors(&self) -> Option<&Arc<Descriptors>> {
+        self.descriptors.as_ref()
     }
 
     /// Returns the named scalars of the points; empty where there are none.

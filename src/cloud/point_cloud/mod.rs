@@ -4,12 +4,14 @@ mod attributes;
 mod origin;
 mod parts;
 
+use std::sync::Arc;
+
 pub use attributes::Attributes;
 pub(crate) use attributes::{check_weights, normalize_normal};
 pub use parts::Parts;
 
 use self::origin::{DIGITS, MIN_OFFSET_FACTOR, exponent, round_origin, to_local};
-use crate::cloud::{Channels, Transform};
+use crate::cloud::{Channels, Descriptors, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 
@@ -22,7 +24,7 @@ pub(crate) fn find_too_large(point: Vec3) -> Option<f64> {
     point.into_iter().find(|x| x.is_finite() && x.abs() > MAX_COORDINATE)
 }
 
-/// Points, optionally with unit normals, weights, named channels and a viewpoint.
+/// Points, optionally with unit normals, weights, named channels, descriptors and a viewpoint.
 ///
 /// Point `i` is at `origin + points[i]`: coordinates are stored in f32 relative to an f64 origin
 /// near the cloud. The origin is the centre of the bounding box, rounded to the power of ten at or
@@ -39,6 +41,7 @@ pub struct PointCloud {
     normals: Option<Vec<[f32; 3]>>,
     weights: Option<Vec<f32>>,
     channels: Channels,
+    descriptors: Option<Arc<Descriptors>>,
     viewpoint: Option<Vec3>,
     dropped: usize,
     no_returns: usize,
@@ -148,7 +151,8 @@ impl PointCloud {
     pub(crate) fn bytes(&self) -> usize {
         let triples = 1 + usize::from(self.normals.is_some());
         let single = usize::from(self.weights.is_some()) + self.channels.names().len();
-        self.len() * 4 * (3 * triples + single)
+        let wide = self.descriptors().map_or(0, |rows| rows.dim());
+        self.len() * 4 * (3 * triples + single + wide)
     }
 
     /// Returns whether there is no point.
@@ -241,7 +245,8 @@ impl PointCloud {
         math::add(self.origin, math::scaled(sum, 1.0 / self.len().max(1) as f64))
     }
 
-    /// Selects the points at `indices`, in that order, with their normals, weights and channels.
+    /// Selects the points at `indices`, in that order, with their normals, weights, channels and
+    /// descriptors.
     /// [`dropped`](Self::dropped) and the origin stay.
     ///
     /// # Panics
@@ -255,6 +260,7 @@ impl PointCloud {
             normals: self.normals.as_deref().map(pick),
             weights: self.weights().map(pick_numbers),
             channels: self.channels.map(pick_numbers),
+            descriptors: self.descriptors().map(|rows| rows.select(indices).into()),
             ..*self
         }
     }
@@ -275,7 +281,8 @@ impl PointCloud {
         })
     }
 
-    /// Moves the cloud by `transform`: points, normals and viewpoint; weights and channels stay.
+    /// Moves the cloud by `transform`: points, normals and viewpoint; weights, channels
+    /// and descriptors stay.
     ///
     /// # Errors
     /// [`Error::Extent`] when a scale or a translation moves it out of range.
@@ -286,6 +293,7 @@ impl PointCloud {
             normals: self.normals.as_ref().map(|normals| normals.iter().map(rotate).collect()),
             weights: self.weights.clone(),
             channels: self.channels.clone(),
+            descriptors: self.descriptors.clone(),
             viewpoint: self.viewpoint.map(|v| transform.apply(v)),
             dropped: self.dropped,
             no_returns: self.no_returns,

@@ -1,8 +1,10 @@
 //! Decomposition of a cloud into plain fields, for storage elsewhere.
 
+use std::sync::Arc;
+
 use super::PointCloud;
 use super::attributes::{check_row_count, check_weights};
-use crate::cloud::Channels;
+use crate::cloud::{Channels, Descriptors};
 use crate::error::{Error, Result};
 use crate::math::Vec3;
 
@@ -16,6 +18,7 @@ pub struct Parts {
     pub normals: Option<Vec<[f32; 3]>>,
     pub weights: Option<Vec<f32>>,
     pub channels: Channels,
+    pub descriptors: Option<Arc<Descriptors>>,
     pub viewpoint: Option<Vec3>,
     pub dropped: usize,
     pub no_returns: usize,
@@ -26,7 +29,7 @@ impl PointCloud {
     ///
     /// # Errors
     /// [`Error::NonFinite`] for a non-finite value, [`Error::Shape`] when there is not one normal,
-    /// weight or channel value a point, [`Error::Config`] for a weight below 0.
+    /// weight, channel value or descriptor a point, [`Error::Config`] for a weight below 0.
     pub fn from_parts(parts: Parts) -> Result<Self> {
         parts.check()?;
         let Parts {
@@ -36,6 +39,7 @@ impl PointCloud {
             normals,
             weights,
             channels,
+            descriptors,
             viewpoint,
             dropped,
             no_returns,
@@ -47,6 +51,7 @@ impl PointCloud {
             normals,
             weights,
             channels,
+            descriptors,
             viewpoint,
             dropped,
             no_returns,
@@ -62,6 +67,7 @@ impl PointCloud {
             normals,
             weights,
             channels,
+            descriptors,
             viewpoint,
             dropped,
             no_returns,
@@ -73,6 +79,7 @@ impl PointCloud {
             normals,
             weights,
             channels,
+            descriptors,
             viewpoint,
             dropped,
             no_returns,
@@ -92,6 +99,8 @@ impl Parts {
             return Err(Error::NonFinite { what: "the places of a cloud".into(), index: 0 });
         }
         self.channels.check(self.points.len())?;
+        let rows = self.descriptors.as_ref();
+        rows.map_or(Ok(()), |rows| rows.check_count(self.points.len()))?;
         check_row_count("normals", self.normals.as_ref().map(Vec::len), self.points.len())?;
         let Some(weights) = &self.weights else { return Ok(()) };
         check_row_count("weights", Some(weights.len()), self.points.len())?;

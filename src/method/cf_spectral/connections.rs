@@ -96,6 +96,9 @@ impl CfSpectral {
         (unit, thinned): (f64, bool),
         times: &mut Timings,
     ) -> Result<[Arc<FeatureCloud>; 2]> {
+        if let Some(given) = self.features.given_descriptors {
+            given.check_pair(ends[0].cloud, ends[1].cloud)?;
+        }
         let thin = times.time("thin", || {
             par::join_pair([(ends[0], "the source"), (ends[1], "the target")], |(end, name)| {
                 thinned.then(|| downsampled(end, unit, name)).transpose()
@@ -121,16 +124,12 @@ impl CfSpectral {
             };
             let key = DescribedKey(features.clone(), viewpoints[side].map(|(_, by)| by));
             clouds[side].get_or_compute(key, || {
-                let found = features.extract(clouds[side].cloud, name, times)?;
+                let found = features.extract_with_normals(clouds[side].cloud, name, times)?;
                 Ok(found.with_used_points(ends[side].cloud, viewpoints[side].map(|(_, by)| by)))
             })
         };
         let sides = [extract(0, "the source")?, extract(1, "the target")?];
-        if self.features.channels.is_empty() {
-            return Ok(sides);
-        }
-        let joined = sides.map(|side| FeatureCloud::clone(&side));
-        Ok(self.features.concatenate_channels(joined)?.map(Arc::new))
+        self.features.with_channels(sides)
     }
 
     /// Connects both clouds.
@@ -173,9 +172,11 @@ impl CfSpectral {
             rows[side].iter().map(|&row| values[row]).collect()
         };
         let points = [0, 1].map(|side| at(sides[side].view().points, side));
-        let normals = [0, 1].map(|side| at(sides[side].normals(), side));
-        let [source, target] = [0, 1]
-            .map(|side| ConnectionEnds { points: &points[side], normals: Some(&normals[side]) });
+        let normals = [0, 1].map(|side| sides[side].normals().map(|normals| at(normals, side)));
+        let [source, target] = [0, 1].map(|side| ConnectionEnds {
+            points: &points[side],
+            normals: normals[side].as_deref(),
+        });
         self.compatibility.second_order_weights(source, target, unit)
     }
 }

@@ -59,7 +59,7 @@ impl PointPair {
     /// # Errors
     /// [`Error::Shape`], [`Error::Config`] and [`Error::TooFewPoints`], as
     /// [`Consensus::register_correspondences`](super::Consensus::register_correspondences) says.
-    pub(super) fn from_indices(
+    pub(in crate::method) fn from_indices(
         source: &PointCloud,
         target: &PointCloud,
         pairs: &[(u32, u32)],

@@ -38,13 +38,19 @@ impl ConsensusSearch<'_> {
             .then_some(best.overlap)
     }
 
-    /// Searches for the best pose of two surfaces; `None` if nothing corresponds.
+    /// Searches for the best pose of two surfaces by FPFH, because it is unknown how the descriptors that
+    /// clouds carry change in a mirror; `None` if nothing corresponds.
     fn best_pose_of(&self, surfaces: &[Arc<Surface>; 2]) -> Option<LocalScoredPose> {
-        let matches = match_features(surfaces, self.voxel_size).ok()?;
+        let matches = match_features(surfaces, fpfh, self.voxel_size).ok()?;
         let hypotheses = matches.generate_hypotheses(SEEDS, &self.config.prior);
         let ends = surfaces.each_ref().map(|surface| &**surface);
         self.config.score_hypotheses(ends, &matches, hypotheses, REFINED).into_iter().next()
     }
+}
+
+/// The descriptors of a surface that its shape alone makes.
+fn fpfh(side: &Surface) -> &Descriptors {
+    &side.descriptors
 }
 
 /// The mirror image of a surface, about its origin; `None` if its descriptors are too few values.
@@ -61,6 +67,7 @@ fn mirror(surface: &Surface, voxel_size: f64) -> Option<Surface> {
         points,
         normals: surface.normals.iter().map(flip).collect(),
         descriptors: Descriptors::new(dim, rows).ok()?,
+        matching: None,
         depth_image: None,
         ..surface.clone()
     })

@@ -16,12 +16,12 @@ mod weight_graph;
 use serde::{Deserialize, Serialize};
 
 use self::filtered_cloud::FilteredCloud;
-use self::hypotheses::PointPair;
+pub(super) use self::hypotheses::PointPair;
 use self::scan::{Scan, ViewpointHypothesis};
 pub use self::scored_pose::ScoredPose;
 use self::trial::{LocalScoredPose, ViewpointTrial, sort_by_odds};
 use super::registration::Timings;
-use super::{Cached, Channel, Register, Registration};
+use super::{Cached, Channel, GivenDescriptors, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
@@ -86,6 +86,12 @@ pub struct Consensus {
     /// none. Channels are used for correspondences and for the similarity of surfaces; the pose is
     /// refined on the shape alone.
     pub channels: Vec<Channel>,
+    /// Use of the descriptors that both clouds carry, such as learned ones
+    /// ([`PointCloud::with_descriptors`]); default none: they are not used. Correspondences are
+    /// found by them, or by them, by FPFH and by both; the similarity of surfaces, on which the
+    /// verdict's model was fitted, stays that of FPFH.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_descriptors: Option<GivenDescriptors>,
     /// Whether returns at the limit of a sensor's range are detected and left out; default true.
     /// Set false if a round wall or a modelled sky is detected as a range limit: the reasons of the
     /// verdict give the number of points left out.
@@ -109,6 +115,7 @@ impl Default for Consensus {
             seeds: 200,
             prior: Prior::default(),
             channels: Vec::new(),
+            given_descriptors: None,
             range_limit: true,
             keep_no_returns: false,
             model: None,
@@ -247,6 +254,9 @@ impl Consensus {
                 return Err(Error::TooFewPoints { what: what.into(), found, needed: 3 });
             }
         }
+        if let Some(given) = self.given_descriptors {
+            given.check_pair(source.cloud, target.cloud)?;
+        }
         let whole = |end| FilteredCloud::new(end, self.range_limit, self.keep_no_returns);
         let clouds = times.time("range limit", || par::join_pair([source, target], whole))?;
         self.search_filtered(clouds, given, times)
@@ -262,7 +272,7 @@ impl Consensus {
         let config = Consensus { voxel: Some(length), ..self.clone() };
         let scans = times.time("thin", || {
             let named = [(source, "the source"), (target, "the target")];
-            par::join_pair(named, |(cloud, name)| Scan::new(cloud, length, &self.channels, name))
+            par::join_pair(named, |(cloud, name)| Scan::new(cloud, length, self, name))
         })?;
         let ends = || scans.each_ref();
         let sensors =

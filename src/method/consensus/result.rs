@@ -42,7 +42,8 @@ impl ConsensusSearch<'_> {
             }),
             time_s: times,
             warnings: Vec::new(),
-            method: MethodRecord::new("consensus", &self.config),
+            method: MethodRecord::new("consensus", &self.config)
+                .with_given_correspondences(self.given.map(<[_]>::len)),
             fitness: FitnessRule::NONE,
         };
         let [source, target] = self.clouds();

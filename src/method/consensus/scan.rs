@@ -3,10 +3,11 @@
 
 use std::sync::{Arc, OnceLock};
 
+use super::Consensus;
 use super::filtered_cloud::FilteredCloud;
 use super::viewpoint_sample::ViewpointSample;
-use crate::cloud::PointCloud;
-use crate::descriptor::{HistogramScale, fpfh};
+use crate::cloud::{Descriptors, PointCloud};
+use crate::descriptor::{Descriptor, Fpfh, HistogramScale, PreparedCloud};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
@@ -14,6 +15,7 @@ use crate::method::cache::{Cache, HeapSize};
 use crate::method::channels::{
     Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
 };
+use crate::method::given_descriptors::{DescriptorRole, GivenDescriptors};
 use crate::normals::{self, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors};
 use crate::surface::{SEARCH_RADIUS, Surface, SurfaceIndex};
@@ -23,6 +25,8 @@ use crate::visibility::{DepthImage, OrientedSample, ViewpointEstimates};
 const NORMAL_NEIGHBORS: usize = 20;
 /// Number of nearest points for a descriptor. Chosen by hand.
 const DESCRIPTOR_NEIGHBORS: usize = 100;
+/// The descriptor of surfaces. Chosen by hand.
+const FPFH: Fpfh = Fpfh { histogram: HistogramScale::Open3d };
 /// Absolute cosine of the angle between an estimated normal and the cloud's own from which on the
 /// latter tells the side: 60 degrees. Chosen by hand.
 const MIN_STORED_COSINE: f32 = 0.5;
@@ -40,7 +44,7 @@ const EGO_RANGE_FACTOR: f64 = 0.5;
 
 /// Keys of values computed from a cloud alone, and at a voxel size.
 #[derive(PartialEq)]
-struct DownsampledKey(f64, Vec<Channel>);
+struct DownsampledKey(f64, Vec<Channel>, Option<GivenDescriptors>);
 #[derive(PartialEq)]
 struct EstimatedViewpointsKey;
 #[derive(PartialEq)]
@@ -60,6 +64,8 @@ struct DownsampledScan {
     weights: Option<Vec<f32>>,
     /// Values by which points are compared too, channel by channel.
     channels: Vec<Vec<f32>>,
+    /// Descriptors that the cloud carries, the means of cubes.
+    given: Option<Arc<Descriptors>>,
     neighbors: Neighbors,
     /// Normals of either sign.
     normals: Vec<[f32; 3]>,
@@ -83,17 +89,17 @@ pub(super) enum ViewpointHypothesis {
 }
 
 impl<'a> Scan<'a> {
-    /// Downsamples `whole` to about one point per cube of side `length`, to be compared also by
-    /// `channels`; `name` is its name in errors.
+    /// Downsamples `whole` to about one point per cube of side `length`, to be compared as `config`
+    /// says; `name` is its name in errors.
     pub(super) fn new(
         whole: FilteredCloud<'a>,
         length: f64,
-        channels: &[Channel],
+        config: &Consensus,
         name: &str,
     ) -> Result<Self> {
-        let make = || DownsampledScan::new(whole.cloud(), length, channels, name);
-        let thin =
-            whole.cached().get_or_compute(DownsampledKey(length, channels.to_vec()), make)?;
+        let make = || DownsampledScan::new(whole.cloud(), length, config, name);
+        let key = DownsampledKey(length, config.channels.clone(), config.given_descriptors);
+        let thin = whole.cached().get_or_compute(key, make)?;
         Ok(Scan { filtered: whole, downsampled: thin })
     }
 
@@ -199,13 +205,14 @@ impl HeapSize for DownsampledScan {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         // Positions of neighbours, and of their rows.
         let near = self.neighbors.len() * 4 * (DESCRIPTOR_NEIGHBORS + 4);
+        let single = single + self.given.as_ref().map_or(0, |rows| rows.dim());
         let own = self.cloud.bytes() + self.cloud.len() * 4 * (3 + single) + near;
         own + self.viewpoint_sample.get().map_or(0, ViewpointSample::bytes) + self.cache.bytes()
     }
 }
 
 impl DownsampledScan {
-    fn new(cloud: &PointCloud, length: f64, channels: &[Channel], name: &str) -> Result<Self> {
+    fn new(cloud: &PointCloud, length: f64, config: &Consensus, name: &str) -> Result<Self> {
         let (thin, weights) = match cloud.relative_weights() {
             None => (filter::voxel_grid(cloud, length)?, None),
             Some(own) => {
@@ -223,8 +230,9 @@ impl DownsampledScan {
             let what = format!("{name}, thinned to {length:e} as both are (have they one unit?),");
             return Err(Error::TooFewPoints { what, found: thin.len(), needed: 3 });
         }
-        let values = channel_values(channels, &thin, name)?;
+        let values = channel_values(&config.channels, &thin, name)?;
         let channels = values.into_iter().map(<[f32]>::to_vec).collect();
+        let given = config.given_descriptors.map(|given| given.rows(&thin, name)).transpose()?;
         let near = Neighbors::find(thin.points(), Neighborhood::Nearest(NORMAL_NEIGHBORS))?;
         let normals = normals::estimate(&thin, &near, Orientation::Outward)?.vectors;
         let neighbors =
@@ -234,6 +242,7 @@ impl DownsampledScan {
             cloud: thin,
             weights,
             channels,
+            given,
             neighbors,
             normals,
             voxel_size: length,
@@ -300,7 +309,8 @@ impl DownsampledScan {
                 None => (self.normals.clone(), OrientedBy::Centroid),
             },
         };
-        let descriptors = fpfh(points, &normals, &self.neighbors, HistogramScale::Open3d)?;
+        let prepared = PreparedCloud::new(points, &normals, &self.neighbors)?;
+        let descriptors = FPFH.describe(&prepared)?;
         let defined =
             |&i: &usize| normals[i] != [0.0; 3] && descriptors.row(i).iter().any(|&bin| bin != 0.0);
         let defined: Vec<usize> = (0..points.len()).filter(defined).collect();
@@ -315,6 +325,7 @@ impl DownsampledScan {
             origin,
             normals: defined.iter().map(|&i| normals[i]).collect(),
             descriptors: descriptors.select(&defined),
+            matching: self.given.as_ref().map(|rows| rows.select(&defined).into()),
             channels: self.channels.iter().map(|own| at_points(own)).collect(),
             weights: self.weights.as_ref().map(|own| at_points(own)),
             depth_image: seen,
@@ -327,26 +338,47 @@ impl HeapSize for Surface {
     fn bytes(&self) -> usize {
         let single = self.channels.len() + usize::from(self.weights.is_some());
         // The depth image is counted separately.
-        let own = self.len() * 4 * (6 + self.descriptors.dim() + single);
+        let matching = self.matching.as_ref().map_or(0, |rows| rows.dim());
+        let own = self.len() * 4 * (6 + self.descriptors.dim() + matching + single);
         own + self.index.bytes(self.len())
     }
 }
 
-/// Appends the values of `channels` to the descriptors of both sides.
-pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], channels: &[Channel]) -> Result<()> {
-    if channels.is_empty() {
-        return Ok(());
-    }
-    let compared = sides.each_ref().map(|side| DescriptorsWithChannels {
+/// Appends the values of the channels of `config` to the descriptors of both sides, and joins the
+/// descriptors that the clouds carry with FPFH, if they stand beside, and with the channels.
+pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], config: &Consensus) -> Result<()> {
+    let beside = config.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Beside);
+    let joined = join_tables(sides, config, |side| DescriptorsWithChannels {
         descriptors: &side.descriptors,
+        beside: None,
         channels: &side.channels,
-    });
-    let joined = concatenate_scaled_channels(channels, HistogramScale::Open3d, compared)?;
-    for (side, descriptors) in sides.iter_mut().zip(joined) {
+    })?;
+    let matching = match config.given_descriptors {
+        None => None,
+        Some(_) => Some(join_tables(sides, config, |side| DescriptorsWithChannels {
+            descriptors: if beside { &side.descriptors } else { side.matching_descriptors() },
+            beside: side.matching.as_deref().filter(|_| beside),
+            channels: &side.channels,
+        })?),
+    };
+    let matching = matching.map_or([None, None], |both| both.map(|rows| Some(Arc::new(rows))));
+    for ((side, descriptors), matching) in sides.iter_mut().zip(joined).zip(matching) {
         // The scale of a channel depends on both sides: the cached surface is unchanged.
-        *side = Arc::new(Surface { descriptors, ..Surface::clone(side) });
+        *side = Arc::new(Surface { descriptors, matching, ..Surface::clone(side) });
     }
     Ok(())
+}
+
+/// Joins the tables of both sides that `table` chooses.
+fn join_tables<'a>(
+    sides: &'a [Arc<Surface>; 2],
+    config: &Consensus,
+    table: impl Fn(&'a Surface) -> DescriptorsWithChannels<'a>,
+) -> Result<[Descriptors; 2]> {
+    let compared = sides.each_ref().map(|side| table(side));
+    let is_fpfh = std::ptr::eq(compared[0].descriptors, &sides[0].descriptors);
+    let min_spread = if is_fpfh { FPFH.histogram.default_beta().sqrt() } else { 0.0 };
+    concatenate_scaled_channels(&config.channels, min_spread, compared)
 }
 
 #[cfg(test)]
@@ -365,7 +397,10 @@ mod tests {
         let heavy = cloud.clone().with_weights(weights).unwrap();
         let surface = |cloud: &PointCloud| {
             let whole = FilteredCloud::new(cloud.into(), true, false).unwrap();
-            Scan::new(whole, 3.0, &[], "it").unwrap().surface(ViewpointHypothesis::Outward).unwrap()
+            Scan::new(whole, 3.0, &Consensus::default(), "it")
+                .unwrap()
+                .surface(ViewpointHypothesis::Outward)
+                .unwrap()
         };
         let (plain, heavy) = (surface(&cloud), surface(&heavy));
         assert_eq!(plain.points, heavy.points);

@@ -6,9 +6,10 @@ use super::hypotheses::MAX_CORRESPONDENCES;
 use super::hypotheses::{Correspondences, Hypothesis, PointPair};
 use super::scan::{Scan, ViewpointHypothesis, append_channels};
 use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, probe_points};
-use crate::cloud::Transform;
+use crate::cloud::{Descriptors, Transform};
 use crate::error::Result;
 use crate::math::Vec3;
+use crate::method::given_descriptors::DescriptorRole;
 use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
@@ -161,16 +162,24 @@ impl Consensus {
             par::join_pair(seen, |(scan, view)| scan.surface(view))
         })?;
         let find = |matches: &Correspondences| matches.generate_hypotheses(self.seeds, &self.prior);
-        // Channels rank the poses that shapes propose; they must not hide one of them.
+        // Tables rank the poses that each alone proposes; they must not hide one of them.
         let mut found = Vec::new();
-        if !self.channels.is_empty() && given.is_none() {
-            let bare = times.time("matches", || match_features(&surfaces, length))?;
-            found = times.time("hypotheses", || find(&bare));
-            times.time("descriptors", || append_channels(&mut surfaces, &self.channels))?;
+        let beside =
+            self.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Beside);
+        if given.is_none() && (!self.channels.is_empty() || beside) {
+            let mut tables: Vec<fn(&Surface) -> &Descriptors> = vec![Surface::matching_descriptors];
+            if beside {
+                tables.push(|side| &side.descriptors);
+            }
+            for table in tables {
+                let bare = times.time("matches", || match_features(&surfaces, table, length))?;
+                found.extend(times.time("hypotheses", || find(&bare)));
+            }
+            times.time("descriptors", || append_channels(&mut surfaces, self))?;
         }
         let matches = times.time("matches", || match given {
             Some(pairs) => Ok(Correspondences::from_pairs(&surfaces, pairs, length)),
-            None => match_features(&surfaces, length),
+            None => match_features(&surfaces, Surface::matching_descriptors, length),
         })?;
         found.extend(times.time("hypotheses", || find(&matches)));
         let ends = surfaces.each_ref().map(|surface| &**surface);
@@ -266,20 +275,22 @@ fn score_pose(
     LocalScoredPose::new(*pose, evidence, config)
 }
 
-/// Returns mutual nearest neighbours by descriptor; if there are too many, the most similar ones.
+/// Returns mutual nearest neighbours by the descriptors of a `table`; if there are too many, the most
+/// similar ones.
 pub(super) fn match_features(
     [source, target]: &[Arc<Surface>; 2],
+    table: impl Fn(&Surface) -> &Descriptors,
     length: f64,
 ) -> Result<Correspondences> {
-    let connection = FullConnection::new(source.feature_view(), target.feature_view())?;
+    let (from, onto) = (table(source), table(target));
+    let connection = FullConnection::new(source.feature_view(from), target.feature_view(onto))?;
     let mut pairs = connection.mutual_nearest();
     if pairs.len() < MIN_MUTUAL {
         pairs = connection.nearest_targets().into_iter().zip(0..).map(|(j, i)| (i, j)).collect();
     }
     if pairs.len() > MAX_CORRESPONDENCES {
         let distance = |&(i, j): &(u32, u32)| {
-            let rows = (source.descriptors.row(i as usize), target.descriptors.row(j as usize));
-            squared_descriptor_distance(rows.0, rows.1)
+            squared_descriptor_distance(from.row(i as usize), onto.row(j as usize))
         };
         pairs.sort_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
         pairs.truncate(MAX_CORRESPONDENCES);

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use self::expectation::{EStepResult, SourceMixture};
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::registration::{PointCounts, Registration, Timings};
 use super::{MethodRecord, Refine, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math;
 use crate::par;
-use crate::pose::{self, Prior, ScaleEstimate, Solver};
+use crate::pose::{self, Prior, ScaleEstimate, Solution, Solver};
 use crate::verify::FitnessRule;
 
 /// Smallest σ in root mean square radii of the target: a few roundings of f32 coordinates.
@@ -143,33 +143,19 @@ impl Cpd {
             let solution = times.time("solve", || {
                 pose::solve_with(&moments, Solver::Arun, self.scale, &self.prior)
             })?;
-            if solution.transform.scale.is_nan() || solution.transform.scale <= 0.0 {
-                return Err(Error::Degenerate {
-                    rank: 0,
-                    singular_values: solution.singular_values,
-                });
-            }
+            check_scale(&solution)?;
             pose = solution.transform;
             let bandwidth = Some(sigma * unit);
             let change = (objective - expectation.objective).abs();
             objective = expectation.objective;
             let variance = moments.residual(&pose) / (3.0 * moments.weight) / (unit * unit);
             let next = variance.sqrt().max(floor);
-            let stop = match () {
-                () if change <= self.tolerance => Some(StopReason::ObjectiveSettled),
-                () if next == floor && sigma == floor => Some(StopReason::ScheduleEnded),
-                () if iteration == self.max_iterations => Some(StopReason::IterationLimit),
-                () => None,
-            };
+            let stop = self.stop_reason(iteration, change, next == floor && sigma == floor);
             sigma = next;
             let (weight, state) = (moments.weight, (solution, expectation));
             Ok(Iteration { transform: pose, objective, weight, bandwidth, stop, state })
         })?;
         let (solution, expectation) = iterated.state;
-        let points = PointCounts {
-            source: CloudCounts::from_cloud(source),
-            target: CloudCounts::from_cloud(target),
-        };
         let solved = SolvedPose {
             transform: iterated.transform,
             moments: Some(expectation.moments),
@@ -178,13 +164,31 @@ impl Cpd {
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: Some(points),
+            points: Some(PointCounts::from_clouds(source, target)),
             time_s: times,
             method: MethodRecord::new("cpd", &Cpd { sigma: Some(first), ..self.clone() }),
             warnings: Vec::new(),
             fitness: FitnessRule::LOCAL,
         };
         solved.finish_cached(source.into(), target.into())
+    }
+
+    /// Returns the reason to stop after an iteration that changed the objective by `change`.
+    fn stop_reason(&self, iteration: u32, change: f64, at_floor: bool) -> Option<StopReason> {
+        match () {
+            () if change <= self.tolerance => Some(StopReason::ObjectiveSettled),
+            () if at_floor => Some(StopReason::ScheduleEnded),
+            () if iteration == self.max_iterations => Some(StopReason::IterationLimit),
+            () => None,
+        }
+    }
+}
+
+/// Refuses a solution that shrinks the source to a point, or mirrors it.
+fn check_scale(solution: &Solution) -> Result<()> {
+    match solution.transform.scale > 0.0 {
+        true => Ok(()),
+        false => Err(Error::Degenerate { rank: 0, singular_values: solution.singular_values }),
     }
 }
 

@@ -94,45 +94,11 @@ impl SceneMixture {
         pose: &Transform,
     ) -> (Vec<ComponentStatistics>, f64) {
         let k = self.means.len();
-        let uniform = self.outlier_ratio / self.volume;
-        let prior = (1.0 - self.outlier_ratio) / k as f64;
-        let amplitude = |variance: &f64| {
-            let blurred = (-1.5 * self.point_variance / variance).exp();
-            (prior / uniform * blurred * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
-        };
-        let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
-        let model = SimdComponents {
-            x: axis(0),
-            y: axis(1),
-            z: axis(2),
-            exponent: self.variances.iter().map(|v| (-0.5 / v) as f32).collect(),
-            amplitude: self.variances.iter().map(amplitude).collect(),
-        };
-        let blocks = par::map_blocks(
-            view.points.len(),
-            BLOCK,
-            || (),
-            |_, block| {
-                let mut sums = vec![0.0; SUMS_PER_COMPONENT * k];
-                let mut likelihood = 0.0;
-                for start in block.clone().step_by(CHUNK) {
-                    let range = start..(start + CHUNK).min(block.end);
-                    let moved: Vec<[f32; 3]> = view.points[range.clone()]
-                        .iter()
-                        .map(|p| pose.apply(p.map(f64::from)).map(|x| x as f32))
-                        .collect();
-                    let mut partial = vec![0.0f32; SUMS_PER_COMPONENT * k];
-                    let weights = &view.weights[range];
-                    let pass =
-                        EStepKernel { model: &model, points: &moved, weights, sums: &mut partial };
-                    likelihood += pulp::Arch::new().dispatch(pass);
-                    sums.iter_mut().zip(&partial).for_each(|(sum, &x)| *sum += f64::from(x));
-                }
-                (sums, likelihood)
-            },
-        );
+        let model = self.simd_components();
+        let sums_of_block = |_: &mut (), block| self.sum_block(view, pose, &model, block);
+        let blocks = par::map_blocks(view.points.len(), BLOCK, || (), sums_of_block);
         let mut sums = vec![0.0; SUMS_PER_COMPONENT * k];
-        let mut likelihood = uniform.ln();
+        let mut likelihood = self.outlier_density().ln();
         for (block, part) in &blocks {
             sums.iter_mut().zip(block).for_each(|(sum, x)| *sum += x);
             likelihood += part;
@@ -158,6 +124,61 @@ impl SceneMixture {
             }
         };
         ((0..k).map(cluster).collect(), likelihood)
+    }
+
+    /// Density of outliers.
+    fn outlier_density(&self) -> f64 {
+        self.outlier_ratio / self.volume
+    }
+
+    /// The components as the kernel takes them: amplitudes relative to the density of outliers.
+    fn simd_components(&self) -> SimdComponents {
+        let uniform = self.outlier_density();
+        let prior = (1.0 - self.outlier_ratio) / self.means.len() as f64;
+        let amplitude = |variance: &f64| {
+            let blurred = (-1.5 * self.point_variance / variance).exp();
+            (prior / uniform * blurred * (std::f64::consts::TAU * variance).powf(-1.5)) as f32
+        };
+        let axis = |a: usize| self.means.iter().map(|mean| mean[a] as f32).collect();
+        SimdComponents {
+            x: axis(0),
+            y: axis(1),
+            z: axis(2),
+            exponent: self.variances.iter().map(|v| (-0.5 / v) as f32).collect(),
+            amplitude: self.variances.iter().map(amplitude).collect(),
+        }
+    }
+
+    /// Sums of the components, and the log-likelihood, over a block of points.
+    fn sum_block(
+        &self,
+        view: &NormalizedCloud,
+        pose: &Transform,
+        model: &SimdComponents,
+        block: std::ops::Range<usize>,
+    ) -> (Vec<f64>, f64) {
+        let k = self.means.len();
+        let mut sums = vec![0.0; SUMS_PER_COMPONENT * k];
+        let mut likelihood = 0.0;
+        for start in block.clone().step_by(CHUNK) {
+            let range = start..(start + CHUNK).min(block.end);
+            let moved: Vec<[f32; 3]> = view.points[range.clone()]
+                .iter()
+                .map(|p| pose.apply(p.map(f64::from)).map(|x| x as f32))
+                .collect();
+            let mut partial = vec![0.0f32; SUMS_PER_COMPONENT * k];
+            let weights = &view.weights[range];
+            let pass = EStepKernel { model, points: &moved, weights, sums: &mut partial };
+            likelihood += pulp::Arch::new().dispatch(pass);
+            sums.iter_mut().zip(&partial).for_each(|(sum, &x)| *sum += f64::from(x));
+        }
+        (sums, likelihood)
+    }
+
+    /// Root of the mean variance of the components.
+    pub(super) fn mean_sigma(&self) -> f64 {
+        let k = self.variances.len() as f64;
+        (self.variances.iter().sum::<f64>() / k).sqrt()
     }
 
     /// Moments of all connections of the points behind `clusters` with the means, weighted by

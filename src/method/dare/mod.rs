@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use self::mixture::{ComponentStatistics, NormalizedCloud, SceneMixture};
 use super::iterate::{Iteration, iterate};
 use super::position_problem;
-use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::registration::{PointCounts, Registration, Timings};
 use super::termination::StopReason;
 use super::{MethodRecord, Refine, SolvedPose};
 use crate::cloud::{PointCloud, Transform};
@@ -27,6 +27,10 @@ const FROZEN_ITERATIONS: u32 = 3;
 /// of 15 correct ones the worst has 0.82 (`cargo test --features cli --test it dare::wrong_optima
 /// -- --nocapture`).
 pub(super) const MIN_CHANCE_CORRECTED_FITNESS: f64 = 0.65;
+
+/// Fitness below which a pose gets a warning.
+const FITNESS_RULE: FitnessRule =
+    FitnessRule { min_fitness: MIN_CHANCE_CORRECTED_FITNESS, ..FitnessRule::LOCAL };
 
 /// Density Adaptive Point Set Registration (Järemo Lawin, Danelljan, Khan, Forssén and Felsberg,
 /// CVPR 2018), positions only.
@@ -154,14 +158,7 @@ impl Dare {
             let view = |cloud, center| frame.normalize_cloud(cloud, center, self.density_neighbors);
             Ok::<_, Error>([view(source, frame.source)?, view(target, frame.target)?])
         })?;
-        let mut pose = frame.normalize_pose(&Transform { scale: 1.0, ..*initial });
-        if math::norm(pose.translation) > from.radius() + to.radius() {
-            // No points can correspond: such a translation is not informative, and the scene would
-            // be so wide that f32 cannot resolve the clouds in it.
-            pose.translation = [0.0; 3];
-        }
-        // The projection may change the initial pose; the likelihood grows from there.
-        pose = self.prior.project_pose(&pose, [0.0; 3])?;
+        let mut pose = self.initial_pose(&frame, [&from, &to], initial)?;
         let mut mixture = config.initial_mixture(&from, &to, &pose);
         let mut before = f64::NEG_INFINITY;
         let step = |iteration: u32| {
@@ -175,8 +172,6 @@ impl Dare {
             pose = target_pose.inverse().after(&source_pose);
             mixture.move_components(&target_pose);
             let weight = clouds.iter().flat_map(|(all, _)| *all).map(|c| c.mass).sum();
-            let k = mixture.variances.len() as f64;
-            let sigma = (mixture.variances.iter().sum::<f64>() / k).sqrt();
             let is_settled =
                 iteration > FROZEN_ITERATIONS + 1 && objective - before < self.tolerance;
             before = objective;
@@ -186,7 +181,7 @@ impl Dare {
                 () => None,
             };
             let transform = frame.denormalize_pose(&pose);
-            let bandwidth = Some(frame.rms_radius * sigma);
+            let bandwidth = Some(frame.rms_radius * mixture.mean_sigma());
             Ok(Iteration { transform, objective, weight, bandwidth, stop, state: () })
         };
         let iterated = times.time("iterate", || iterate(self.trace, step))?;
@@ -200,19 +195,30 @@ impl Dare {
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: Some(PointCounts {
-                source: CloudCounts::from_cloud(source),
-                target: CloudCounts::from_cloud(target),
-            }),
+            points: Some(PointCounts::from_clouds(source, target)),
             time_s: times,
             method: MethodRecord::new("dare", &config),
             warnings: Vec::new(),
-            fitness: FitnessRule {
-                min_fitness: MIN_CHANCE_CORRECTED_FITNESS,
-                ..FitnessRule::LOCAL
-            },
+            fitness: FITNESS_RULE,
         };
         solved.finish_cached(source.into(), target.into())
+    }
+
+    /// Returns the pose from which the iterations start, in units of the target's size.
+    fn initial_pose(
+        &self,
+        frame: &NormalizedFrame,
+        [from, to]: [&NormalizedCloud; 2],
+        initial: &Transform,
+    ) -> Result<Transform> {
+        let mut pose = frame.normalize_pose(&Transform { scale: 1.0, ..*initial });
+        if math::norm(pose.translation) > from.radius() + to.radius() {
+            // No points can correspond: such a translation is not informative, and the scene would
+            // be so wide that f32 cannot resolve the clouds in it.
+            pose.translation = [0.0; 3];
+        }
+        // The projection may change the initial pose; the likelihood grows from there.
+        self.prior.project_pose(&pose, [0.0; 3])
     }
 
     /// Returns the M-step's poses of both clouds in the scene's frame; `pose` is the previous pose

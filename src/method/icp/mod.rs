@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use self::surface::{PairSet, SurfaceProblem};
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
-use super::registration::{CloudCounts, PointCounts, Timings};
+use super::registration::{PointCounts, Timings};
 use super::{Cached, MethodRecord, Refine, Registration, SolvedPose, StopReason};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math;
+use crate::math::{self, Vec3};
 use crate::moments::{self, Moments};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
@@ -220,16 +220,8 @@ impl Icp {
                 SurfaceProblem::new(metric, ends, config.surface_neighbors, positions.rms_radius())
             })?),
         };
-        let center = source.centroid();
         let mut transform = *initial;
-        let mut doubts = Vec::new();
-        let mut recent = VecDeque::from([transform]);
-        let is_near = |a: &Transform, b: &Transform| {
-            let turned = math::mat_mul(&a.rotation, &math::transpose(&b.rotation));
-            let shift = math::norm(math::sub(a.apply(center), b.apply(center)));
-            Transform::rigid(turned, [0.0; 3]).angle() <= config.rotation_tolerance
-                && shift <= config.translation_tolerance * positions.rms_radius()
-        };
+        let mut recent = RecentPoses::new(&config, source, &positions, transform);
         let mut before = f64::INFINITY;
         let iterated = iterate(config.trace, |iteration| {
             let (pairs, error) = times.time("pairs", || {
@@ -247,13 +239,8 @@ impl Icp {
             let change = (before - error).abs();
             let least_change = config.error_tolerance.max(config.relative_error_tolerance * before);
             before = error;
-            let rests = recent.iter().any(|pose| is_near(&transform, pose));
-            recent.push_back(transform);
-            if recent.len() > CYCLE_LENGTH {
-                recent.pop_front();
-            }
             let stop = match () {
-                () if rests => Some(StopReason::PoseSettled),
+                () if recent.contains_near(transform) => Some(StopReason::PoseSettled),
                 () if change < least_change => Some(StopReason::ObjectiveSettled),
                 () if iteration == config.max_iterations => Some(StopReason::IterationLimit),
                 () => None,
@@ -263,12 +250,11 @@ impl Icp {
             Ok(Iteration { transform, objective, weight, bandwidth: None, stop, state })
         })?;
         let (moments, pairs) = iterated.state;
-        if let Some(surfaces) = &surfaces {
-            let found = surfaces.min_pivot(PairSet { source, target, pairs: &pairs }, &transform);
-            if found.is_nan() || found < MIN_PIVOT {
-                doubts.push(Warning::Degenerate { found, needed: MIN_PIVOT });
-            }
-        }
+        let on = PairSet { source, target, pairs: &pairs };
+        let pivot = surfaces.as_ref().map(|surfaces| surfaces.min_pivot(on, &transform));
+        let degenerate = pivot
+            .filter(|found| found.is_nan() || *found < MIN_PIVOT)
+            .map(|found| Warning::Degenerate { found, needed: MIN_PIVOT });
         let solved = SolvedPose {
             transform,
             moments: Some(moments),
@@ -279,16 +265,54 @@ impl Icp {
             iterations: iterated.iterations,
             stop: iterated.stop,
             trace: iterated.trace,
-            points: Some(PointCounts {
-                source: CloudCounts::from_cloud(source),
-                target: CloudCounts::from_cloud(target),
-            }),
+            points: Some(PointCounts::from_clouds(source, target)),
             time_s: times,
             method: MethodRecord::of_family(config.name(), "icp", &config),
-            warnings: doubts,
+            warnings: degenerate.into_iter().collect(),
             fitness: FitnessRule::LOCAL,
         };
         solved.finish_cached(ends[0], ends[1])
+    }
+}
+
+/// The last poses, which a pose that rests is near.
+struct RecentPoses {
+    poses: VecDeque<Transform>,
+    /// Centre of the source, whose motion is the translation of a step.
+    center: Vec3,
+    /// Largest rotation, radians, and translation of a step at rest.
+    tolerances: (f64, f64),
+}
+
+impl RecentPoses {
+    fn new(
+        config: &Icp,
+        source: &PointCloud,
+        positions: &PositionProblem,
+        initial: Transform,
+    ) -> Self {
+        let shift = config.translation_tolerance * positions.rms_radius();
+        RecentPoses {
+            poses: VecDeque::from([initial]),
+            center: source.centroid(),
+            tolerances: (config.rotation_tolerance, shift),
+        }
+    }
+
+    /// Returns whether one of the poses is near `pose`, and adds it.
+    fn contains_near(&mut self, pose: Transform) -> bool {
+        let near = |other: &Transform| {
+            let turned = math::mat_mul(&pose.rotation, &math::transpose(&other.rotation));
+            let shift = math::norm(math::sub(pose.apply(self.center), other.apply(self.center)));
+            Transform::rigid(turned, [0.0; 3]).angle() <= self.tolerances.0
+                && shift <= self.tolerances.1
+        };
+        let rests = self.poses.iter().any(near);
+        self.poses.push_back(pose);
+        if self.poses.len() > CYCLE_LENGTH {
+            self.poses.pop_front();
+        }
+        rests
     }
 }
 

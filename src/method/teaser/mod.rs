@@ -10,19 +10,24 @@ mod voting;
 use serde::{Deserialize, Serialize};
 
 use super::features::FeatureConfig;
-use super::registration::{CloudCounts, PointCounts, Registration, Timings};
+use super::registration::{Certificate, PointCounts, Registration, Timings};
 use super::termination::{IterationRecord, StopReason};
 use super::{Cached, MethodRecord, Register, SolvedPose};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
 use crate::math::{self, Vec3};
 use crate::method::compatibility_graph::CompatibilityGraph;
-use crate::moments::{FullConnection, check_indices};
+use crate::moments::{FullConnection, Moments, check_indices};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
 use crate::verify::{FitnessRule, Warning};
+use clique::Clique;
 use correspondences::CenteredCorrespondences;
 use rotation::{GncIteration, GncOptions};
+
+/// Fitness below which a pose gets a warning; its chance fitness has no limit.
+const FITNESS_RULE: FitnessRule =
+    FitnessRule { max_chance_fitness: f64::INFINITY, ..FitnessRule::GLOBAL };
 
 /// TEASER (Yang, Shi and Carlone 2021): correspondences by descriptor, the largest subset that
 /// keeps distances, then rotation and translation by truncated least squares.
@@ -187,11 +192,11 @@ impl Teaser {
             let pairs: Vec<(u32, u32)> =
                 pairs.iter().copied().filter(has_positive_weights(weights)).collect();
             let matches = CenteredCorrespondences::new(&pairs, points, origins);
-            let counts = PointCounts {
-                source: CloudCounts::from_cloud(source),
-                target: CloudCounts::from_cloud(target),
-            };
-            self.solve(&matches, source.into(), target.into(), counts, Timings::default())
+            let counts = PointCounts::from_clouds(source, target);
+            let times = Timings::default();
+            let found = self.solve(&matches, source.into(), target.into(), counts, times)?;
+            let method = found.method.clone().with_given_correspondences(Some(matches.len()));
+            Ok(Registration { method, ..found })
         })?
     }
 
@@ -223,12 +228,7 @@ impl Teaser {
         points: PointCounts,
         mut times: Timings,
     ) -> Result<Registration> {
-        check_count(matches.len(), "the list of matches")?;
-        if matches.len() > MAX_CORRESPONDENCES {
-            let rule =
-                format!("at most {MAX_CORRESPONDENCES} can be compared: thin the clouds first");
-            return Err(Error::config("matches", matches.len(), rule));
-        }
+        check_matches(matches)?;
         let bound = self.resolve_noise_bound(source, target)?;
         // Both points of a difference may have the error.
         let difference_bound = 2.0 * bound;
@@ -236,63 +236,32 @@ impl Teaser {
             true => times.time("scale", || voting::vote_scale(matches, difference_bound))?,
             false => 1.0,
         };
-        let graph = times.time("graph", || {
-            let joined = |k, l| matches.are_consistent(k, l, scale, difference_bound);
-            CompatibilityGraph::new(matches.len(), joined)
-        });
-        let steps = self.clique_steps.saturating_mul(1000);
-        let clique = times.time("clique", || clique::find_maximum_clique(&graph, steps));
-        check_count(clique.vertices.len(), "the largest set of consistent matches")?;
-        let mut doubts = Vec::new();
-        if !clique.proved {
-            doubts.push(Warning::CliqueNotProved { found: clique.vertices.len() });
-        }
+        let clique = self.find_consistent_set(matches, scale, difference_bound, &mut times)?;
         let kept = matches.select(&clique.vertices);
         let (rounds, settled) = times.time("rotation", || {
             let differences =
                 scale_differences(kept.pairwise_differences(MAX_ROTATION_DIFFERENCES), scale);
-            rotation::estimate_rotation(
-                &differences,
-                difference_bound,
-                self.gnc_options(),
-                &self.prior,
-            )
+            let options = self.gnc_options();
+            rotation::estimate_rotation(&differences, difference_bound, options, &self.prior)
         })?;
         let pose =
             |round: &GncIteration| voting::vote_translation(&kept, &round.rotation, scale, bound);
         let transform = rounds.last().map_or(Transform::IDENTITY, pose);
         let inliers = inliers::find_inliers(&kept, &transform, bound);
         let needed = inliers::min_inliers(matches, scale, difference_bound);
-        if inliers.len() < needed {
-            doubts.push(Warning::FewInliers { found: inliers.len(), needed });
-        }
+        let (vertices, found) = (clique.vertices.len(), inliers.len());
+        let not_proved = (!clique.proved).then_some(Warning::CliqueNotProved { found: vertices });
+        let few = (found < needed).then_some(Warning::FewInliers { found, needed });
         // Without inliers the pose is computed from the clique.
         let held = if inliers.is_empty() { kept.clone() } else { kept.select(&inliers) };
-        let moments = held.moments();
-        let singular_values = match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
-            Ok(solution) => solution.singular_values,
-            // Too few inliers for a pose of their own: a warning, as the clique had a pose.
-            Err(Error::Degenerate { singular_values, .. }) => singular_values,
-            Err(error) => return Err(error),
-        };
+        let (moments, singular_values) = solve_inliers(&held)?;
         let certificate = self.certify.then(|| {
             times.time("certificate", || {
-                let differences = scale_differences(
-                    kept.subsampled_differences(MAX_CERTIFICATE_DIFFERENCES),
-                    scale,
-                );
-                certificate::certify(&differences, difference_bound, self.gnc_options(), &transform)
+                self.certify_rotation(&kept, &transform, scale, difference_bound)
             })
         });
-        let step = |(k, round): (usize, &GncIteration)| IterationRecord {
-            iteration: k as u32 + 1,
-            transform: pose(round),
-            objective: round.cost,
-            weight: round.weight,
-            bandwidth: None,
-        };
-        let trace =
-            if self.trace { rounds.iter().enumerate().map(step).collect() } else { Vec::new() };
+        let trace = if self.trace { trace(&rounds, pose) } else { Vec::new() };
+        let config = Teaser { noise_bound: Some(bound), ..self.clone() };
         let solved = SolvedPose {
             transform,
             moments: Some(moments),
@@ -303,16 +272,43 @@ impl Teaser {
             trace,
             points: Some(points),
             time_s: times,
-            method: MethodRecord::new(
-                "teaser",
-                &Teaser { noise_bound: Some(bound), ..self.clone() },
-            ),
-            warnings: doubts,
-            fitness: FitnessRule { max_chance_fitness: f64::INFINITY, ..FitnessRule::GLOBAL },
+            method: MethodRecord::new("teaser", &config),
+            warnings: not_proved.into_iter().chain(few).collect(),
+            fitness: FITNESS_RULE,
         };
-        let certificate = certificate.flatten();
         let registration = solved.finish_cached(source, target)?;
-        Ok(Registration { certificate, ..registration })
+        Ok(Registration { certificate: certificate.flatten(), ..registration })
+    }
+
+    /// Finds the largest set of matches that keep their distances pairwise.
+    fn find_consistent_set(
+        &self,
+        matches: &CenteredCorrespondences,
+        scale: f64,
+        difference_bound: f64,
+        times: &mut Timings,
+    ) -> Result<Clique> {
+        let graph = times.time("graph", || {
+            let joined = |k, l| matches.are_consistent(k, l, scale, difference_bound);
+            CompatibilityGraph::new(matches.len(), joined)
+        });
+        let steps = self.clique_steps.saturating_mul(1000);
+        let clique = times.time("clique", || clique::find_maximum_clique(&graph, steps));
+        check_count(clique.vertices.len(), "the largest set of consistent matches")?;
+        Ok(clique)
+    }
+
+    /// Bounds how far the rotation is from the best.
+    fn certify_rotation(
+        &self,
+        kept: &CenteredCorrespondences,
+        transform: &Transform,
+        scale: f64,
+        difference_bound: f64,
+    ) -> Option<Certificate> {
+        let differences =
+            scale_differences(kept.subsampled_differences(MAX_CERTIFICATE_DIFFERENCES), scale);
+        certificate::certify(&differences, difference_bound, self.gnc_options(), transform)
     }
 
     fn gnc_options(&self) -> GncOptions {
@@ -362,6 +358,42 @@ fn has_positive_weights(weights: [Option<&[f32]>; 2]) -> impl Fn(&(u32, u32)) ->
         let [a, b] = weights;
         a.is_none_or(|a| a[i as usize] > 0.0) && b.is_none_or(|b| b[j as usize] > 0.0)
     }
+}
+
+/// Refuses lists that are too short, or too long to be compared.
+fn check_matches(matches: &CenteredCorrespondences) -> Result<()> {
+    check_count(matches.len(), "the list of matches")?;
+    if matches.len() <= MAX_CORRESPONDENCES {
+        return Ok(());
+    }
+    let rule = format!("at most {MAX_CORRESPONDENCES} can be compared: thin the clouds first");
+    Err(Error::config("matches", matches.len(), rule))
+}
+
+/// Returns the moments of the matches, and the singular values of their cross-covariance.
+fn solve_inliers(matches: &CenteredCorrespondences) -> Result<(Moments, [f64; 3])> {
+    let moments = matches.moments();
+    match pose::solve(&moments, Solver::Arun, ScaleEstimate::Fixed) {
+        Ok(solution) => Ok((moments, solution.singular_values)),
+        // Too few inliers for a pose of their own: a warning, as the clique had a pose.
+        Err(Error::Degenerate { singular_values, .. }) => Ok((moments, singular_values)),
+        Err(error) => Err(error),
+    }
+}
+
+/// Returns the records of all rounds; `pose` is that of a round.
+fn trace(
+    rounds: &[GncIteration],
+    pose: impl Fn(&GncIteration) -> Transform,
+) -> Vec<IterationRecord> {
+    let record = |(k, round): (usize, &GncIteration)| IterationRecord {
+        iteration: k as u32 + 1,
+        transform: pose(round),
+        objective: round.cost,
+        weight: round.weight,
+        bandwidth: None,
+    };
+    rounds.iter().enumerate().map(record).collect()
 }
 
 fn check_count(found: usize, what: &str) -> Result<()> {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::fs;
 use std::io::Cursor;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cfreg::{PointCloud, io};
 use pcd_rs::{DataKind, DynRecord, DynWriter, Field, Schema, ValueKind, WriterInit};
@@ -129,4 +129,13 @@ pub fn write_temp_file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathB
 pub fn read(name: &str, content: impl AsRef<[u8]>) -> PointCloud {
     let (_folder, path) = write_temp_file(name, content);
     io::read(path).unwrap()
+}
+
+/// An NPY file, as `numpy.save` writes it.
+pub fn npy(folder: &Path, name: &str, descr: &str, shape: &str, data: &[u8]) {
+    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    let header = format!("{header:<117}\n");
+    let length = (header.len() as u16).to_le_bytes();
+    let content = [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat();
+    fs::write(folder.join(name), content).unwrap();
 }
