@@ -37,6 +37,9 @@ step "build, with lints"
 export PYO3_BUILD_EXTENSION_MODULE=1
 cargo test --workspace --features cli --no-run
 
+step "the library without its optional parts"
+cargo check --package cfreg --lib
+
 step "the reference's environment"
 # A failure in the background is repeated, and told, here.
 wait "$fetched" || true

@@ -38,12 +38,15 @@ pub struct CandidateRow {
     pub free_space_violation: Option<f64>,
     /// Refined hypotheses that converged to this pose; for final poses alone.
     pub supporting_hypotheses: Option<usize>,
-    /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
-    /// to 10; for final poses alone.
+    /// Standard deviation of the translation, in voxel sizes of the downsampled clouds; for final poses
+    /// alone, if it can be estimated.
     pub translation_std: Option<f64>,
-    /// Difference of the ranking from that of the best other pose, from -8 to 8; for final poses
-    /// alone.
+    /// Difference of the ranking from that of the best other pose; for final poses alone, if there is
+    /// another.
     pub margin: Option<f64>,
+    /// Degrees of freedom that the surfaces leave unconstrained: such a pose is not accepted; for final
+    /// poses alone.
+    pub unconstrained: Option<usize>,
     /// Rotation error, in degrees; empty without a true pose.
     pub rotation_error_deg: Option<f64>,
     /// Whether the pose is correct; false for unrelated clouds.
@@ -95,6 +98,7 @@ pub fn write(
                     supporting_hypotheses: scored.supporting_hypotheses,
                     translation_std: scored.translation_std,
                     margin: scored.margin,
+                    unconstrained: scored.unconstrained,
                     rotation_error_deg: error.map(|(_, degrees)| degrees),
                     right: error.is_some_and(|(right, _)| right),
                     answer: scored.is_best,

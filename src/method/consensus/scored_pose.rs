@@ -19,12 +19,14 @@ pub struct ScoredPose {
     pub evidence: Evidence,
     /// Refined hypotheses that converged to this pose; for the best pose alone.
     pub supporting_hypotheses: Option<usize>,
-    /// Standard deviation of its translation in voxel sizes, within bounds; for the best pose
-    /// alone.
+    /// Standard deviation of its translation in voxel sizes; for the best pose alone, if it can be
+    /// estimated.
     pub translation_std: Option<f64>,
-    /// Difference of its ranking from that of the best other pose, within bounds; for the best pose
-    /// alone.
+    /// Difference of its ranking from that of the best other pose; for the best pose alone, if there
+    /// is another.
     pub margin: Option<f64>,
+    /// Degrees of freedom that the surfaces leave unconstrained; for the best pose alone.
+    pub unconstrained: Option<usize>,
     /// Whether it is the best pose, scored after its last refinement.
     pub is_best: bool,
 }
@@ -52,18 +54,21 @@ impl Consensus {
                     supporting_hypotheses: None,
                     translation_std: None,
                     margin: None,
+                    unconstrained: None,
                     is_best: false,
                 }));
             }
             let LocalScoredPose { pose, evidence, .. } = search.best;
             let covariance = search.covariance(&pose);
-            let confidence = search.confidence(&pose, evidence, covariance.as_ref());
+            let confidence =
+                search.confidence(&pose, evidence, &search.alternatives, covariance.as_ref());
             scored.push(ScoredPose {
                 transform: search.best_pose(),
                 evidence,
                 supporting_hypotheses: Some(confidence.supporting_hypotheses),
-                translation_std: Some(confidence.bounded_translation_std()),
-                margin: Some(confidence.bounded_margin()),
+                translation_std: confidence.translation_std,
+                margin: confidence.margin,
+                unconstrained: Some(covariance.map_or(0, |known| known.unobservable.len())),
                 is_best: true,
             });
             Ok(scored)

@@ -111,12 +111,7 @@ impl ConsensusSearch<'_> {
         alternatives: &[LocalScoredPose],
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let mut confidence = self.confidence(pose, *evidence, covariance.as_ref());
-        let ranked = self.config.pose_log_odds(evidence);
-        for other in alternatives.iter().filter(|other| self.is_alternative(other, pose)) {
-            let margin = ranked - other.log_odds;
-            confidence.margin = Some(confidence.margin.map_or(margin, |known| known.min(margin)));
-        }
+        let confidence = self.confidence(pose, *evidence, alternatives, covariance.as_ref());
         let mut reasons = self.reasons(&confidence);
         let unconstrained = covariance.as_ref().map_or(0, |known| known.unobservable.len());
         if unconstrained > 0 {
@@ -200,11 +195,13 @@ impl ConsensusSearch<'_> {
         reasons
     }
 
-    /// Returns the confidence in `pose`, with its `evidence`.
+    /// Returns the confidence in `pose`, with its `evidence`, beside the poses of the search and the
+    /// `alternatives`.
     pub(super) fn confidence(
         &self,
         pose: &Transform,
         evidence: Evidence,
+        alternatives: &[LocalScoredPose],
         covariance: Option<&PoseCovariance>,
     ) -> Confidence {
         let std = |known: &PoseCovariance| {
@@ -215,13 +212,21 @@ impl ConsensusSearch<'_> {
             evidence,
             supporting_hypotheses: self.count_supporting_hypotheses(pose),
             translation_std: covariance.map(std),
-            margin: self.margin(pose, &evidence),
+            margin: self.margin(pose, &evidence, alternatives),
         }
     }
 
-    /// Returns the log odds of `pose` minus those of the best pose of the search that differs.
-    fn margin(&self, pose: &Transform, evidence: &Evidence) -> Option<f64> {
-        let best = self.other_poses(pose).map(|other| other.log_odds).max_by(f64::total_cmp);
+    /// Returns the log odds of `pose` minus those of the best pose of the search or of the
+    /// `alternatives` that differs.
+    fn margin(
+        &self,
+        pose: &Transform,
+        evidence: &Evidence,
+        alternatives: &[LocalScoredPose],
+    ) -> Option<f64> {
+        let proposed = alternatives.iter().filter(|other| self.is_alternative(other, pose));
+        let others = self.other_poses(pose).chain(proposed);
+        let best = others.map(|other| other.log_odds).max_by(f64::total_cmp);
         best.map(|best| self.config.pose_log_odds(evidence) - best)
     }
 
