@@ -80,7 +80,7 @@ fn accuracy_text(report: &AccuracyReport) -> String {
         format!("{name:<22}{mean:.4} +- {deviation:.4}\n")
     };
     format!(
-        "{} trials, {} points, {} rotations; {} without an answer, {} not trusted\n{}{}{}",
+        "{} trials, {} points, {} rotations; {} without a pose, {} with warnings\n{}{}{}",
         report.settings.trials,
         report.settings.points,
         report.settings.motion,

@@ -96,7 +96,7 @@ def register_batch(
     """Register a list of pairs beside each other, each on one thread: the rows of `cfreg batch`.
 
     Each cloud is read once and kept for its other pairs, with what the method makes of it alone. What is wrong with a pair, a file that
-    cannot be read, clouds without an answer, is the `error` of its row; the others go on.
+    cannot be read, clouds without a pose, is the `error` of its row; the others go on.
 
     Parameters
     ----------

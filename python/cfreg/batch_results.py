@@ -26,7 +26,7 @@ class BatchSummary:
     pairs : of the list
     resumed : that were there from an earlier run
     trusted : whose pose may be used (BatchResult.usable)
-    errors : without an answer
+    errors : without a pose
     """
 
     pairs: int
@@ -48,7 +48,7 @@ class BatchResult:
     >>> one = np.column_stack([x, y, 0.4 * np.sin(3 * x + y) + 0.2 * x * x])
     >>> found = cfreg.register_batch([("one", "two"), ("two", "one")], clouds={"one": one, "two": -one[:, [1, 0, 2]] * [-1, 1, -1]})
     >>> found
-    BatchResult(2 pairs: 2 to be trusted, 0 without answer)
+    BatchResult(2 pairs: 2 poses to use, 0 without a pose)
     >>> found["source"].tolist(), found.transform.shape, found[1]["target"]
     (['one', 'two'], (2, 4, 4), 'one')
     """
@@ -164,7 +164,7 @@ class BatchResult:
 
     def __repr__(self) -> str:
         trusted = int(self.usable.sum())
-        return f"BatchResult({len(self)} pairs: {trusted} to be trusted, {int(self._failed.sum())} without answer)"
+        return f"BatchResult({len(self)} pairs: {trusted} poses to use, {int(self._failed.sum())} without a pose)"
 
     @property
     def _failed(self) -> npt.NDArray[np.bool_]:

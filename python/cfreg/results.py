@@ -496,7 +496,7 @@ class Registration:
 def _told(verdict: Verdict | None, trusted: bool) -> str:
     """The verdict in a few words."""
     if verdict is None:
-        return "trusted" if trusted else "not to be trusted"
+        return "no warning" if trusted else "has warnings"
     return f"{verdict.decision}, right with probability {verdict.probability:.3f}"
 
 

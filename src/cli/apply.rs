@@ -97,7 +97,7 @@ impl Poses {
             [row] => {
                 if !row.is_usable() {
                     let (from, path) = (file.display(), path.display());
-                    log(&format!("cfreg: {from}: the pose in {path} is not to be trusted\n"));
+                    log(&format!("cfreg: {from}: the pose in {path} has warnings\n"));
                 }
                 row.transform().ok_or_else(|| self.missing(file, 0))
             }

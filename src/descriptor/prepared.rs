@@ -64,7 +64,8 @@ pub trait Descriptor: Send + Sync {
     }
 
     /// Returns a row for each of the cloud's [`rows`](PreparedCloud::rows), in their order. A row
-    /// of zeros marks a point that has no descriptor.
+    /// of zeros marks a point that has no descriptor; a cloud cannot carry such a row, and
+    /// [`attach`](crate::method::FeatureConfig::attach) refuses it.
     ///
     /// # Errors
     /// Those of the descriptor.

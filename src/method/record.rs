@@ -26,6 +26,9 @@ pub struct MethodRecord {
 
 impl MethodRecord {
     /// Returns the record of a method; `settings` is empty if it does not serialise to an object.
+    ///
+    /// Settings are any `serde::Serialize`: a struct that derives it (the crate `serde` with the
+    /// feature `derive`), or `&()` for a method without settings.
     pub fn new(name: &str, settings: &impl Serialize) -> MethodRecord {
         MethodRecord::of_family(name, name, settings)
     }

@@ -48,7 +48,7 @@ impl BatchReport<'_> {
         });
         let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
         let mut lines = vec![format!(
-            "{} pairs: {} to be trusted, {} not, {} without an answer.",
+            "{} pairs: {} poses to use, {} with warnings, {} without a pose.",
             rows.len(),
             count(&Row::is_usable),
             count(&|row| row.error.is_none() && !row.is_usable()),

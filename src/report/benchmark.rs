@@ -48,7 +48,7 @@ pub fn write_benchmark(
     }
     let count = |is: &dyn Fn(&BenchmarkRow) -> bool| rows.iter().filter(|row| is(row)).count();
     let mut lines = vec![format!(
-        "{} registrations: {} right, {} wrong and accepted, {} without an answer.",
+        "{} registrations: {} right, {} wrong and accepted, {} without a pose.",
         rows.len(),
         count(&|row| row.right),
         count(&|row| !row.right && row.accepted),

@@ -68,11 +68,18 @@ fn names_after(prefix: &str, text: &str) -> BTreeSet<String> {
 }
 
 fn walk(dir: &Path, visit: &mut impl FnMut(&Path)) {
+    walk_files(dir, &["rs"], visit);
+}
+
+/// Visits the files with one of these `endings`, without what tools have left.
+fn walk_files(dir: &Path, endings: &[&str], visit: &mut impl FnMut(&Path)) {
     for entry in fs::read_dir(dir).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            walk(&path, visit);
-        } else if path.extension().is_some_and(|e| e == "rs") {
+            if !path.ends_with("target") && !path.ends_with("__pycache__") {
+                walk_files(&path, endings, visit);
+            }
+        } else if path.extension().is_some_and(|e| endings.iter().any(|&known| e == known)) {
             visit(&path);
         }
     }
@@ -196,5 +203,41 @@ fn old_names_do_not_come_back() {
             }
         });
     }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// Wordings of an earlier vocabulary, each with the one that took its place.
+const OLD_PHRASES: &[(&str, &str)] = &[
+    ("to be trusted", "poses to use, has warnings"),
+    ("without answer", "without a pose"),
+    ("without an answer", "without a pose"),
+];
+
+#[test]
+fn old_names_and_phrases_do_not_come_back_in_python_and_texts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let (mut found, mut seen) = (Vec::new(), 0);
+    for folder in ["src", "python", "docs", "python-ref", "paper/src"] {
+        walk_files(&root.join(folder), &["rs", "py", "pyi", "md", "html"], &mut |path| {
+            seen += 1;
+            let text = fs::read_to_string(path).unwrap();
+            for (old, new) in OLD_PHRASES {
+                if text.contains(old) {
+                    found.push(format!("{}: \"{old}\" is \"{new}\"", path.display()));
+                }
+            }
+            if !path.extension().is_some_and(|ending| ending == "py") {
+                return;
+            }
+            for line in text.lines().map(str::trim_start) {
+                let declared = ["class ", "def "].iter().find_map(|kind| line.strip_prefix(kind));
+                let name = declared.map(word).unwrap_or_default();
+                if let Some((old, new)) = OLD_NAMES.iter().find(|(old, _)| *old == name) {
+                    found.push(format!("{}: {old} is {new}", path.display()));
+                }
+            }
+        });
+    }
+    assert!(seen > 100, "only {seen} files were read");
     assert!(found.is_empty(), "{}", found.join("\n"));
 }

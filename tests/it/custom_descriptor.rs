@@ -189,6 +189,25 @@ fn given_fpfh_is_that_of_consensus() {
     assert_eq!(again.verdict, found.verdict);
 }
 
+/// No rigid pose aligns a mirror image, though these rows, the same in a mirror, match all of it.
+#[test]
+fn a_mirror_image_with_given_descriptors_is_not_accepted() {
+    let (source, target, _) = pair();
+    let flipped: Vec<[f64; 3]> = source.positions().map(|[x, y, z]| [-x, y, z]).collect();
+    let mine = PrincipalExtents { sizes: vec![40, 80, 150] };
+    let described = |cloud: &PointCloud| outward().attach(cloud, &mine).unwrap();
+    let source = described(&PointCloud::new(&flipped).unwrap());
+    let target = described(&target);
+    for role in ["replace", "beside"] {
+        let given = Some(role.parse().unwrap());
+        let consensus = Consensus { given_descriptors: given, ..Consensus::default() };
+        let found = consensus.register(&source, &target).unwrap();
+        let verdict = found.verdict.as_ref().unwrap();
+        assert!(verdict.decision != Decision::Accept, "{role}: {:?}", verdict.reasons);
+        assert!(!found.is_usable(), "{role}: {:?}", found.doubts);
+    }
+}
+
 #[test]
 fn rows_follow_their_points() {
     let points = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 1e-3, 0.0]];

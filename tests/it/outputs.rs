@@ -316,5 +316,5 @@ fn an_accepted_pose_that_is_doubted_makes_no_edge() {
     assert!(!fs::read_to_string(path.join("graph.g2o")).unwrap().contains("EDGE"));
     done(path, "CFREG report rows.csv -o pages");
     let page = fs::read_to_string(path.join("pages/index.html")).unwrap();
-    assert!(page.contains("1 pairs: 0 to be trusted") && !page.contains(">accept<"), "{page}");
+    assert!(page.contains("1 pairs: 0 poses to use") && !page.contains(">accept<"), "{page}");
 }

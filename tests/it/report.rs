@@ -193,7 +193,7 @@ fn lists_are_tables_with_the_worst_first() {
         let (wrong, right) = (index.find("no answer").unwrap(), index.find(">accept<").unwrap());
         assert!(wrong < right && index.contains("none.pcd"), "{end}");
         assert!(index.contains("href=\"pairs/00000.html\"") && !index.contains("00001.html"));
-        assert!(index.contains("2 pairs: 1 to be trusted, 0 not, 1 without an answer."));
+        assert!(index.contains("2 pairs: 1 poses to use, 0 with warnings, 1 without a pose."));
         let page = read(folder.path(), &format!("{end}/pairs/00000.html"));
         assert!(page.contains("Take this pose"));
     }

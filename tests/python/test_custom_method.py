@@ -51,6 +51,15 @@ class CustomMethod(unittest.TestCase):
             found.report(page)
             self.assertIn("centroids", page.read_text(encoding="utf-8"))
 
+    def test_files_are_read_for_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            paths = [Path(folder) / name for name in ("source.ply", "target.ply")]
+            for path, cloud in zip(paths, (self.source, self.target)):
+                cfreg.write(path, cfreg.PointCloud(cloud))
+            found = cfreg.register(*paths, self.mine)
+        alone = cfreg.register(self.source, self.target, self.mine)
+        np.testing.assert_allclose(found.transform, alone.transform, atol=1e-5)
+
     def test_what_is_no_pose_is_refused(self):
         class Broken:
             def register(self, source, target):
@@ -62,6 +71,8 @@ class CustomMethod(unittest.TestCase):
             cfreg.register(self.source, self.target, self.mine, initial=np.eye(4))
         with self.assertRaisesRegex(TypeError, "method"):
             cfreg.register(self.source, self.target, object())
+        with self.assertRaisesRegex(TypeError, r"the class Broken: make an object, Broken\(\)"):
+            cfreg.register(self.source, self.target, Broken)
 
 
     def test_it_runs_in_bulk(self):

@@ -101,7 +101,7 @@ impl Trials {
     ///
     /// # Errors
     /// Those of [`Protocol::trial`](crate::protocol::Protocol::trial); a trial
-    /// without an answer is a record.
+    /// without a pose is a record.
     pub fn run(cell: &ExperimentCell, model: &Model) -> Result<Self> {
         let method = cell.method();
         let one = |number: usize| {

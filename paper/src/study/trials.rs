@@ -45,7 +45,7 @@ pub struct TrialOutcome {
 }
 
 impl TrialOutcome {
-    /// The paper's measure of a rotation; without an answer that of a half turn.
+    /// The paper's measure of a rotation; without a pose that of a half turn.
     pub fn error(&self) -> f64 {
         self.frobenius.unwrap_or(8f64.sqrt())
     }

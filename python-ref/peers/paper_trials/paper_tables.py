@@ -13,7 +13,7 @@ TESTS = {
 LEGEND = f"""# The paper's tables with methods that it does not have
 
 Each cell: mean ± deviation over the trials with an answer, then (median; how many are lost,
-of all: without an answer, or off by more than {LOST} in the norm of Table II, 20 degrees).
+of all: without a pose, or off by more than {LOST} in the norm of Table II, 20 degrees).
 Rows that name no package are this crate's, from the trials of `cfreg-paper reproduce`. The part of
 the mesh that a sensor at 180 degrees sees stands in for ArmadilloStand_180.
 """

@@ -14,7 +14,7 @@ LOST = 0.5
 
 @dataclass(frozen=True)
 class Record:
-    """One trial; the four errors are None without an answer."""
+    """One trial; the four errors are None without a pose."""
 
     trial: int
     rotation_deg: float | None = None

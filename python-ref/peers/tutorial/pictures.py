@@ -13,7 +13,7 @@ BLUE, ORANGE, GREY = "#2f6f9f", "#e07b39", "#9a9a9a"
 def clouds(source, target, found, path):
     """Before and after, as the target's sensor sees it, and from above."""
     figure, axes = plt.subplots(2, 2, figsize=(9, 8), layout="constrained")
-    verdict = "trusted" if found.trusted else "not to be trusted"
+    verdict = "no warning" if found.trusted else "has warnings"
     turns = (("as they are", source), (f"{found.method}: {verdict}", found.apply(source)))
     for column, (title, moved) in zip(axes.T, turns):
         for axis, (x, y) in zip(column, ((0, 1), (0, 2))):

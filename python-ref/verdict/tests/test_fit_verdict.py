@@ -90,7 +90,7 @@ class Fit(unittest.TestCase):
         self.assertLess(crate.answer[2], -0.5)
 
 
-class Judged(unittest.TestCase):
+class ScoredPose(unittest.TestCase):
     def test_scans_of_the_kitchen_are_one_source(self):
         files = ["x/rgbd_tsdf_fusion/a.ply", "y/7-scenes-redkitchen/b.ply", "rgbd_7scenes_frames/c.ply"]
         self.assertEqual({source_of(file) for file in files}, {"kitchen"})

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
@@ -74,8 +75,10 @@ def method(name: str, **settings: Any) -> Method:
 class CustomMethod(Protocol):
     """A method of one's own: any object with `register(source, target)`, which returns the pose, (4, 4).
 
-    Its result is evaluated, refined and verified as any other; `name` (default that of the class) and
-    `settings` (default none), a dict of JSON's types, stand in the result.
+    It gets the clouds as they were given, and a PointCloud for the path of a file and for every
+    cloud of register_batch; `np.asarray` makes arrays (N, 3) of either. Its result is evaluated, refined
+    and verified as any other; `name` (default that of the class) and `settings` (default none), a dict of
+    JSON's types, stand in the result.
     """
 
     def register(self, source: Any, target: Any) -> Any: ...
@@ -90,7 +93,7 @@ def _register_custom(
     keep_no_returns: bool,
 ) -> Registration:
     """The pose of a method of one's own, as a Registration."""
-    transform = chosen.register(source, target)
+    transform = chosen.register(*(_opened(cloud) for cloud in (source, target)))
     found = _native.register_pose(
         source,
         target,
@@ -100,6 +103,11 @@ def _register_custom(
         _interop.to_json(_options(verdict, keep_no_returns)),
     )
     return Registration(json.loads(found), (source, target))
+
+
+def _opened(cloud: Any) -> Any:
+    """The cloud of a path, or the cloud that was given."""
+    return _native.read(cloud) if isinstance(cloud, (str, os.PathLike)) else cloud
 
 
 def _custom_named(chosen: CustomMethod) -> tuple[str, str]:
@@ -119,7 +127,7 @@ def _made(given: str | Method, settings: Mapping[str, Any]) -> Method:
     if isinstance(given, str):
         return method(given, **settings)
     if not isinstance(given, Method):
-        shown = f"the class {given.__name__}" if isinstance(given, type) else _interop.shown(given)
+        shown = f"the class {given.__name__}: make an object, {given.__name__}()" if isinstance(given, type) else _interop.shown(given)
         raise TypeError(f"method: a method or its name is needed, not {shown}")
     for setting, value in settings.items():
         rule = "the method was made already: give it there, or name the method"

@@ -50,7 +50,7 @@ class Method:
             one place, mostly (0, 0, 0)
 
         Raises RegistrationError where the clouds do not determine an answer; an answer that
-        is not to be trusted is no error, but has `trusted` False and its `doubts`.
+        has warnings is no error, but has `trusted` False and its `doubts`.
         """
         return self._register(
             source, target, refine, verdict=verdict, keep_no_returns=keep_no_returns

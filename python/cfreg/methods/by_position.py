@@ -22,7 +22,7 @@ class ICP(LocalMethod):
     weights : kernel of a pair's distance, by name
     bandwidth : of the kernel, in the target's unit. None: three resolutions
     surface_neighbors : nearest points that make a tangent plane ("plane", "generalized")
-    max_iterations : at least 1; at the limit the pose is doubted
+    max_iterations : at least 1; at the limit the pose has a warning
     rotation_tolerance, translation_tolerance : step below which it rests, in radians and in
         radii of the target
     relative_error_tolerance, error_tolerance : change of the mean squared distance below

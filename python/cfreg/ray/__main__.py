@@ -24,7 +24,7 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def main() -> int:
-    """0 once every pair has its row, those without an answer too; 2 when that could not be."""
+    """0 once every pair has its row, those without a pose too; 2 when that could not be."""
     parser = argparse.ArgumentParser(prog="python -m cfreg.ray", description=__doc__)
     add = parser.add_argument
     add("pairs", help="list: CSV or Parquet with the columns source and target, a path or a URI")
@@ -52,7 +52,7 @@ def main() -> int:
     except (Error, OSError) as error:
         print(f"cfreg: {error}", file=sys.stderr)
         return 2
-    print(f"{done.pairs} pairs: {done.trusted} to be trusted, {done.errors} without answer", file=sys.stderr)
+    print(f"{done.pairs} pairs: {done.trusted} poses to use, {done.errors} without a pose", file=sys.stderr)
     return 0
 
 

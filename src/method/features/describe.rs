@@ -112,7 +112,8 @@ impl FeatureConfig {
     ///
     /// # Errors
     /// Those of the descriptor, of [`normals::estimate`] and of
-    /// [`PointCloud::with_descriptors`].
+    /// [`PointCloud::with_descriptors`], which refuses a row of zeros: leave that point out of the
+    /// cloud ([`PointCloud::select`]).
     pub fn attach(&self, cloud: &PointCloud, descriptor: &dyn Descriptor) -> Result<PointCloud> {
         self.validate()?;
         let times = &mut Timings::default();
