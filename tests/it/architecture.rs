@@ -226,7 +226,7 @@ fn old_names_and_phrases_do_not_come_back_in_python_and_texts() {
                     found.push(format!("{}: \"{old}\" is \"{new}\"", path.display()));
                 }
             }
-            if !path.extension().is_some_and(|ending| ending == "py") {
+            if path.extension().is_none_or(|ending| ending != "py") {
                 return;
             }
             for line in text.lines().map(str::trim_start) {
