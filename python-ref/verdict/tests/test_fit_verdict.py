@@ -43,9 +43,8 @@ def poses(pairs, each=6, seed=1):
     right = np.arange(each) == chosen[:, None]
     numbers = np.repeat(np.arange(pairs), each)
     sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[numbers % 2]
-    return Poses(
-        terms.reshape(-1, len(EVIDENCE)), np.zeros((pairs * each, len(FOUND))), right.ravel(), numbers, sources[:, 0], sources
-    )
+    found, free = np.zeros((pairs * each, len(FOUND))), np.zeros(pairs * each, bool)
+    return Poses(terms.reshape(-1, len(EVIDENCE)), found, right.ravel(), free, numbers, sources[:, 0], sources)
 
 
 def answers(count, seed=2):
@@ -53,7 +52,7 @@ def answers(count, seed=2):
     rng = np.random.default_rng(seed)
     terms, found = rng.normal(size=(count, len(EVIDENCE))), rng.normal(size=(count, len(FOUND)))
     sources = np.array([["attic", "attic"], ["cellar", "cellar"]])[np.arange(count) % 2]
-    drawn = Poses(terms, found, np.zeros(count, bool), np.arange(count), sources[:, 0], sources)
+    drawn = Poses(terms, found, *np.zeros((2, count), bool), np.arange(count), sources[:, 0], sources)
     drawn.right = rng.uniform(size=count) < TRUE.probabilities(drawn)
     return drawn
 
@@ -99,10 +98,14 @@ class ScoredPose(unittest.TestCase):
     def test_accepted_and_refused_answers_are_counted(self):
         right = np.array([True, True, True, False, False, False])
         sets = np.array(["a"] * 4 + ["unrelated rooms"] * 2)
-        drawn = Poses(np.ones((6, 7)), np.zeros((6, len(FOUND))), right, np.arange(6), sets, np.array([["a", "a"]] * 6))
-        found = results(np.array([0.95, 0.65, 0.05, 0.85, 0.02, 0.9]), drawn)
-        counts = [cell.split(" ")[0] for cell in found[1:]]
-        self.assertEqual(counts, ["1/2", "1/1", "2/3", "1/3"])
+        free, pair = np.zeros(6, bool), np.array([["a", "a"]] * 6)
+        drawn = Poses(np.ones((6, 7)), np.zeros((6, len(FOUND))), right, free, np.arange(6), sets, pair)
+        probability = np.array([0.95, 0.65, 0.05, 0.85, 0.02, 0.9])
+        counts = lambda: [cell.split(" ")[0] for cell in results(probability, drawn)[1:]]
+        self.assertEqual(counts(), ["1/2", "1/1", "2/3", "1/3"])
+        # Answers with a free motion are not accepted, whatever their probability.
+        free[[0, 3]] = True
+        self.assertEqual(counts(), ["1/2", "0/1", "3/3", "1/3"])
 
     def test_intervals_are_those_of_clopper_and_pearson(self):
         self.assertEqual(interval(0, 10), "0/10 (0.0-30.8 %)")
