@@ -287,7 +287,10 @@ mod tests {
         };
         assert!(probability(11, 0.3) > 0.7 && probability(1, 8.0) < 0.3);
         assert!(probability(2, 0.3) > probability(1, 0.3));
-        assert!(probability(2, 0.1) > probability(2, 0.3));
+        assert!(probability(2, 1.0) > probability(2, 3.0));
+        // Beyond their ranges they tell no more.
+        assert_eq!(probability(2, 0.1), probability(2, 0.3));
+        assert_eq!(probability(5, 0.3), probability(50, 0.3));
     }
 
     #[test]
