@@ -202,15 +202,20 @@ class Page(unittest.TestCase):
             "apart": (lump, lump + [4000, 0, 0]),
         }
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        words = ["register", *self.folder.scans(), "--method", "icp", "--verdict=off", "--json"]
+        made = json.loads(run(folder, *words, codes=(0, 1)).stdout)
+        made |= {"transform": pose, "thinning": {"voxel": None, "sample": None}}
         for name, clouds in cases.items():
             with self.subTest(name):
                 files = [f"{name}-{end}.xyz" for end in "st"]
                 for file, points in zip(files, clouds):
                     np.savetxt(folder / file, points, fmt="%.17g")
                 dropped = int(np.isnan(clouds[0]).any(axis=1).sum())
-                ends = {"source": {"used": len(clouds[0]) - dropped, "dropped": dropped}, "target": {"used": len(clouds[1])}}
-                result = {"transform": pose, "method": "icp", "trusted": False, "doubts": [], "source": files[0], "target": files[1]}
-                (folder / f"{name}.json").write_text(json.dumps({**result, "points": ends}))
+                used, none = [len(cloud) for cloud in clouds], {"dropped": 0, "no_returns": 0}
+                ends = [none | {"used": used[0] - dropped, "dropped": dropped}, none | {"used": used[1]}]
+                points = {end: made["points"][end] | own for end, own in zip(["source", "target"], ends)}
+                result = made | {"points": points, "source": files[0], "target": files[1]}
+                (folder / f"{name}.json").write_text(json.dumps(result))
                 run(folder, "report", f"{name}.json")
                 self.open(f"{name}.html")
                 # Its dots have the colours, too.
