@@ -1,6 +1,6 @@
 //! The header of a PLY file as ply-rs reads it. Dialects that ply-rs refuses, or of which it loses a
 //! part, are read by [`PlyHeader::by_line`] itself: integers of 64
-//! bits, repeated properties, lines that end as on old Macs. So are headers of very many properties.
+//! bits, repeated properties, lines that end as on old Macs.
 
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, Encoding as PlyEncoding, PropertyType, ScalarType};
@@ -8,10 +8,6 @@ use ply_rs_bw::ply::{DefaultElement, Encoding as PlyEncoding, PropertyType, Scal
 use super::header::{Element, Encoding, PlyHeader, Property, PropertyKind};
 use crate::io::content_error::{ContentError, MAX_HEADER_BYTES};
 use crate::io::scalar::Scalar;
-
-/// Most properties that ply-rs reads: its time grows with their square, 24,000 took 1.7 s
-/// (`cargo test --test reading_bounds`).
-const MAX_PROPERTIES: usize = 500;
 
 /// Reads the header, by ply-rs if it is no dialect.
 pub(in crate::io) fn parse(content: &[u8]) -> Result<PlyHeader, ContentError> {
@@ -32,7 +28,7 @@ fn read(content: &[u8]) -> Option<PlyHeader> {
             break;
         }
     }
-    if !ended || properties > MAX_PROPERTIES {
+    if !ended {
         return None;
     }
     // Comments come in any encoding; all other header text is ascii.
