@@ -48,8 +48,6 @@ FOUND = {"supporting_hypotheses": +1, "translation_std": -1, "margin": +1}
 POSE_RIDGE, ANSWER_RIDGE = 3.0, 1.0
 """Ridge penalties of standardised coefficients, beside weights that sum to the number of pairs and of
 answers. Chosen by hand among 0.1, 1, 3: sources left out are ranked alike."""
-TRANSLATION_STD, MARGIN = (0.02, 10.0), (-8.0, 8.0)
-"""Ranges in which terms tell something, as in `src/verify/model.rs`."""
 KITCHEN = {"7-scenes-redkitchen", "rgbd_7scenes_frames", "rgbd_tsdf_fusion"}
 NO_SENSOR = {"stanford_bunny", "stanford_dragon_stand", "stanford_happy_stand", "stanford_armadillo_simulated"}
 """Sources whose sensor was not at the zero of the files, whatever the benchmark was told: their rows do
@@ -81,12 +79,8 @@ def answer_terms(row):
     """Values of the terms `FOUND`."""
     if row["answer"] != "true":
         return [0.0] * len(FOUND)
-    number = lambda name, otherwise: float(row[name]) if row[name] else otherwise
-    return [
-        np.log1p(number("supporting_hypotheses", 0)),
-        np.log(np.clip(number("translation_std", TRANSLATION_STD[1]), *TRANSLATION_STD)),
-        np.clip(number("margin", MARGIN[1]), *MARGIN),
-    ]
+    number = lambda name: float(row[name])
+    return [np.log1p(number("supporting_hypotheses")), np.log(number("translation_std")), number("margin")]
 
 
 @dataclass

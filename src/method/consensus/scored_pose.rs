@@ -19,11 +19,11 @@ pub struct ScoredPose {
     pub evidence: Evidence,
     /// Refined hypotheses that converged to this pose; for the best pose alone.
     pub supporting_hypotheses: Option<usize>,
-    /// Standard deviation of its translation in voxel sizes; for the best pose alone, if it can be
-    /// estimated.
+    /// Standard deviation of its translation in voxel sizes, within bounds; for the best pose
+    /// alone.
     pub translation_std: Option<f64>,
-    /// Difference of its ranking from that of the best other pose; for the best pose alone, if there
-    /// is another.
+    /// Difference of its ranking from that of the best other pose, within bounds; for the best pose
+    /// alone.
     pub margin: Option<f64>,
     /// Degrees of freedom that the surfaces leave unconstrained; for the best pose alone.
     pub unconstrained: Option<usize>,
@@ -66,8 +66,8 @@ impl Consensus {
                 transform: search.best_pose(),
                 evidence,
                 supporting_hypotheses: Some(confidence.supporting_hypotheses),
-                translation_std: confidence.translation_std,
-                margin: confidence.margin,
+                translation_std: Some(confidence.bounded_translation_std()),
+                margin: Some(confidence.bounded_margin()),
                 unconstrained: Some(covariance.map_or(0, |known| known.unobservable.len())),
                 is_best: true,
             });
