@@ -224,28 +224,48 @@ impl ConsensusSearch<'_> {
         evidence: &Evidence,
         alternatives: &[LocalScoredPose],
     ) -> Option<f64> {
-        let proposed = alternatives.iter().filter(|other| self.is_alternative(other, pose));
-        let others = self.other_poses(pose).chain(proposed);
+        let others = self.other_poses(pose).chain(self.rivals(alternatives, pose));
         let best = others.map(|other| other.log_odds).max_by(f64::total_cmp);
         best.map(|best| self.config.pose_log_odds(evidence) - best)
     }
 
     /// Counts the refined hypotheses that converged to `pose`.
     fn count_supporting_hypotheses(&self, pose: &Transform) -> usize {
-        let all = self.trials.iter().flat_map(|trial| &trial.candidates);
-        all.filter(|other| !self.is_apart(&other.pose, pose, DUPLICATE_POSE)).count()
+        let is_apart = self.is_apart_from(pose, DUPLICATE_POSE);
+        self.trials
+            .iter()
+            .flat_map(|trial| &trial.candidates)
+            .filter(|other| !is_apart(other))
+            .count()
     }
 
-    /// Returns whether the mean displacement between two poses is above `voxels` voxel sizes.
-    fn is_apart(&self, a: &Transform, b: &Transform, voxels: f64) -> bool {
+    /// Returns a test whether the mean displacement between a pose and `pose` is above `voxels` voxel
+    /// sizes.
+    fn is_apart_from(
+        &self,
+        pose: &Transform,
+        voxels: f64,
+    ) -> impl Fn(&LocalScoredPose) -> bool + use<> {
         let probes = probe_points(&self.trials[self.best_trial].surfaces[0]);
-        mean_displacement(a, b, &probes) > voxels * self.voxel_size
+        let (pose, most) = (*pose, voxels * self.voxel_size);
+        move |other| mean_displacement(&other.pose, &pose, &probes) > most
     }
 
     /// Returns the poses of the search that differ from `pose`.
-    fn other_poses<'a>(&'a self, pose: &'a Transform) -> impl Iterator<Item = &'a LocalScoredPose> {
+    fn other_poses(&self, pose: &Transform) -> impl Iterator<Item = &LocalScoredPose> {
+        let is_apart = self.is_apart_from(pose, DISTINCT_POSE);
         let all = self.trials.iter().flat_map(|trial| &trial.candidates).chain([&self.best]);
-        all.filter(|other| self.is_apart(&other.pose, pose, DISTINCT_POSE))
+        all.filter(move |other| is_apart(other))
+    }
+
+    /// Returns the proposed `alternatives` that have an optimum of their own beside `pose`.
+    fn rivals<'a>(
+        &self,
+        alternatives: &'a [LocalScoredPose],
+        pose: &Transform,
+    ) -> impl Iterator<Item = &'a LocalScoredPose> + use<'a> {
+        let is_apart = self.is_apart_from(pose, MAX_REFINE_SHIFT);
+        alternatives.iter().filter(move |other| is_apart(other))
     }
 
     /// Estimates the covariance of `pose`, if the pose is correct.
@@ -259,11 +279,6 @@ impl ConsensusSearch<'_> {
         PoseCovariance::estimate(pairs, pose, surfaces[1].origin, self.voxel_size)
     }
 
-    /// Returns whether a proposed pose has an optimum of its own beside `pose`.
-    fn is_alternative(&self, other: &LocalScoredPose, pose: &Transform) -> bool {
-        self.is_apart(&other.pose, pose, MAX_REFINE_SHIFT)
-    }
-
     /// Returns the most probable of the poses of the search and the `alternatives` that differs from
     /// `pose`, assumed to be as well constrained. Alternatives were not searched for by
     /// correspondences: as many hypotheses are assumed to support them as the pose.
@@ -275,22 +290,24 @@ impl ConsensusSearch<'_> {
     ) -> Option<RunnerUp> {
         let model = self.config.verdict_model();
         let [from, onto] = &self.trials[self.best_trial].surfaces;
-        let found = self.other_poses(pose);
-        let found = found.map(|other| (other, self.count_supporting_hypotheses(&other.pose)));
-        let proposed = alternatives.iter().filter(|other| self.is_alternative(other, pose));
-        let proposed = proposed.map(|other| (other, confidence.supporting_hypotheses));
-        let ranked = self.config.pose_log_odds(&confidence.evidence);
-        found.chain(proposed).max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds)).map(
-            |(other, supporting_hypotheses)| {
-                let evidence = other.evidence;
-                let margin = Some(other.log_odds - ranked);
-                let confidence =
-                    Confidence { evidence, supporting_hypotheses, margin, ..*confidence };
-                RunnerUp {
-                    transform: to_cloud_frames(&other.pose, from, onto),
-                    probability: model.probability(&confidence),
-                }
-            },
-        )
+        let found = self.other_poses(pose).map(|other| (other, None));
+        let proposed = self.rivals(alternatives, pose);
+        let proposed = proposed.map(|other| (other, Some(confidence.supporting_hypotheses)));
+        let most_probable =
+            found.chain(proposed).max_by(|(a, _), (b, _)| a.log_odds.total_cmp(&b.log_odds));
+        most_probable.map(|(other, assumed)| {
+            let ranked = self.config.pose_log_odds(&confidence.evidence);
+            let confidence = Confidence {
+                evidence: other.evidence,
+                supporting_hypotheses: assumed
+                    .unwrap_or_else(|| self.count_supporting_hypotheses(&other.pose)),
+                margin: Some(other.log_odds - ranked),
+                ..*confidence
+            };
+            RunnerUp {
+                transform: to_cloud_frames(&other.pose, from, onto),
+                probability: model.probability(&confidence),
+            }
+        })
     }
 }
