@@ -11,18 +11,6 @@ use crate::error::{Error, Result};
 use crate::filter::{self, Downsampling};
 use crate::io::{self, Differences};
 
-/// Reads `path`, removes marks of missing returns unless they are to be kept, and downsamples the
-/// rest; `stream` keeps the samples of a pair independent.
-fn read_cloud(
-    path: &Path,
-    thinning: &Downsampling,
-    keep_no_returns: bool,
-    stream: u64,
-) -> Result<PointCloud> {
-    let cloud = read_file_with_notes(path)?;
-    thinning.apply(without_no_returns(cloud, path, keep_no_returns), stream)
-}
-
 /// Reads `path`, and logs what was made of its contents.
 fn read_file_with_notes(path: &Path) -> Result<PointCloud> {
     let (cloud, differences) = read_file(path)?;
@@ -129,16 +117,15 @@ fn check_rows(path: &Path, option: &'static str, cloud: &PointCloud) -> Result<(
     }
 }
 
-/// Reads the source and the target of a pair.
+/// Reads the source and the target of a pair; the samples of the two are independent.
 pub(super) fn read_pair(
-    [source, target]: [&Path; 2],
+    files: [&Path; 2],
     thinning: &Downsampling,
     viewpoints: ViewpointSource,
     keep_no_returns: bool,
 ) -> Result<[PointCloud; 2]> {
-    let read =
-        |path, stream| viewpoints.apply(read_cloud(path, thinning, keep_no_returns, stream)?);
-    Ok([read(source, 0)?, read(target, 1)?])
+    let given = GivenOptions::default();
+    read_pair_given(files, thinning, viewpoints, keep_no_returns, &given)
 }
 
 /// The help of `--viewpoints`.
