@@ -3,13 +3,14 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
 
 use super::hash::Fnv1a;
 use crate::cloud::{Parts, PointCloud};
 use crate::error::Result;
 use crate::filter::Downsampling;
 use crate::method::{Cache, Cached};
+use crate::par;
 
 /// Clouds that were read; the least recently used is evicted first.
 pub(super) struct CloudCache {
@@ -97,7 +98,7 @@ impl CloudCache {
     }
 
     fn lock(&self) -> MutexGuard<'_, CacheState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        par::lock(&self.state)
     }
 }
 

@@ -1,10 +1,10 @@
 //! Running pairs and their start times, for time limits and for the end of a run.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use crate::par::Interrupt;
+use crate::par::{self, Interrupt};
 
 /// The running pairs and their start times.
 #[derive(Default)]
@@ -18,7 +18,7 @@ struct DeadlineState {
 
 impl Deadlines {
     fn lock(&self) -> MutexGuard<'_, DeadlineState> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        par::lock(&self.0)
     }
 
     /// Registers the start of a pair and returns its interrupt.

@@ -1,11 +1,11 @@
 //! Values computed from one cloud alone, cached for its further pairs.
 
 use std::any::Any;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, TryLockError};
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::par;
+use crate::par::{self, lock};
 use crate::search;
 
 /// Cache of values that methods compute from one cloud alone: normals, descriptors, surfaces.
@@ -73,6 +73,7 @@ impl Cache {
         let slot = self.slot(key);
         let mut slot = match slot.try_lock() {
             Ok(slot) => slot,
+            // A slot whose thread unwound before it finished is empty.
             Err(TryLockError::Poisoned(slot)) => slot.into_inner(),
             Err(TryLockError::WouldBlock) if par::in_worker() => lock(&slot),
             Err(TryLockError::WouldBlock) => return make().map(Arc::new),
@@ -108,11 +109,6 @@ impl Cache {
         entries.push(entry);
         slot
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A slot whose thread unwound before it finished is empty.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<'a> Cached<'a> {

@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::interrupt::{Interrupt, checkpoint, enter};
+use super::lock::lock;
 use super::threads::{check_threads, in_worker};
 use crate::error::{Error, Result};
 
@@ -107,7 +108,7 @@ pub fn map<S, T: Send>(
             f(&mut scratch, i)
         };
         let done = (part * length..n.min((part + 1) * length)).map(step).collect();
-        *parts[part].lock().unwrap_or_else(PoisonError::into_inner) = done;
+        *lock(&parts[part]) = done;
     });
     let mut all = Vec::with_capacity(n);
     for part in parts {
@@ -125,7 +126,7 @@ pub fn join_pair<A: Send, T: Send, E: Send>(
     f: impl Fn(A) -> Result<T, E> + Sync,
 ) -> Result<[T; 2], E> {
     let given = pair.map(|cloud| Mutex::new(Some(cloud)));
-    let take = |side: usize| given[side].lock().unwrap_or_else(PoisonError::into_inner).take();
+    let take = |side: usize| lock(&given[side]).take();
     let mut done = map(2, || (), |(), side| take(side).map(&f)).into_iter().flatten();
     match [done.next(), done.next()] {
         [Some(a), Some(b)] => Ok([a?, b?]),
@@ -163,7 +164,7 @@ pub fn for_each_row<S, T: Send>(
     run(parts.len(), &|part| {
         let _entered = enter(&interrupt);
         let mut scratch = scratch();
-        let mut part_of_data = parts[part].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut part_of_data = lock(&parts[part]);
         for (row, i) in part_of_data.chunks_mut(width).zip(part * length..) {
             checkpoint();
             f(&mut scratch, i, row);

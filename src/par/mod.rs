@@ -6,12 +6,14 @@
 //! from another thread.
 
 mod interrupt;
+mod lock;
 mod loops;
 mod panic_hook;
 mod threads;
 mod worker_pool;
 
 pub use interrupt::{Interrupt, checkpoint, is_interrupt_requested, stop};
+pub(crate) use lock::lock;
 pub use loops::{for_each_row, in_pool, join_pair, map, map_blocks, on_new_thread, with_threads};
 pub use panic_hook::install_panic_hook;
 pub(crate) use panic_hook::{catch_panic, panic_message, panic_text};

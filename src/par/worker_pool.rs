@@ -1,9 +1,10 @@
 //! Many pieces of work in parallel, each of them on one thread.
 
 use std::ops::ControlFlow;
-use std::sync::{Mutex, PoisonError, mpsc};
+use std::sync::{Mutex, mpsc};
 use std::time::Duration;
 
+use super::lock::lock;
 use super::loops::install;
 use super::threads::{IS_WORKER, check_threads};
 use crate::error::{Error, Result};
@@ -46,8 +47,8 @@ pub fn worker_pool<I: Send, T: Send>(
     let refused =
         |error: &dyn std::fmt::Display| Err(Error::config("threads", threads, error.to_string()));
     let items = Mutex::new(Some(items));
-    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).as_mut()?.next();
-    let end = || *items.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    let next = || lock(&items).as_mut()?.next();
+    let end = || *lock(&items) = None;
     // A few results may wait, so that no worker idles while one is written.
     let (give, results) = mpsc::sync_channel::<Result<T, String>>(4 * threads);
     let worker = |give: mpsc::SyncSender<Result<T, String>>| {
