@@ -11,7 +11,7 @@ use super::cache::{Cached, HeapSize};
 use super::channels::{
     Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
 };
-use super::given_descriptors::{DescriptorRole, GivenDescriptors};
+use super::given_descriptors::GivenDescriptors;
 use super::registration::{CloudCounts, Timings};
 use crate::cloud::{Descriptors, PointCloud};
 use crate::descriptor::HistogramScale;
@@ -215,7 +215,7 @@ impl FeatureConfig {
 
     /// Whether the descriptors that the clouds carry take the place of FPFH.
     pub(super) fn replaces_fpfh(&self) -> bool {
-        self.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Replace)
+        self.given_descriptors.is_some_and(|given| !given.is_beside())
     }
 }
 

@@ -44,6 +44,11 @@ pub enum DescriptorDistance {
 }
 
 impl GivenDescriptors {
+    /// Whether points are compared by FPFH, too.
+    pub(super) fn is_beside(self) -> bool {
+        self.role == DescriptorRole::Beside
+    }
+
     /// Values accepted by `--given-descriptors`.
     pub const NAMES: [&'static str; 4] = ["replace", "replace:cosine", "beside", "beside:cosine"];
 

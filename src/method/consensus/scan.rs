@@ -11,11 +11,11 @@ use crate::descriptor::{Descriptor, Fpfh, HistogramScale, PreparedCloud};
 use crate::error::{Error, Result};
 use crate::filter;
 use crate::math::{self, Vec3};
+use crate::method::GivenDescriptors;
 use crate::method::cache::{Cache, HeapSize};
 use crate::method::channels::{
     Channel, DescriptorsWithChannels, channel_values, concatenate_scaled_channels,
 };
-use crate::method::given_descriptors::{DescriptorRole, GivenDescriptors};
 use crate::normals::{self, Orientation, OrientedBy};
 use crate::search::{Neighborhood, Neighbors};
 use crate::surface::{SEARCH_RADIUS, Surface, SurfaceIndex};
@@ -347,7 +347,7 @@ impl HeapSize for Surface {
 /// Appends the values of the channels of `config` to the descriptors of both sides, and joins the
 /// descriptors that the clouds carry with FPFH, if they stand beside, and with the channels.
 pub(super) fn append_channels(sides: &mut [Arc<Surface>; 2], config: &Consensus) -> Result<()> {
-    let beside = config.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Beside);
+    let beside = config.given_descriptors.is_some_and(GivenDescriptors::is_beside);
     let joined = join_tables(sides, config, |side| DescriptorsWithChannels {
         descriptors: &side.descriptors,
         beside: None,

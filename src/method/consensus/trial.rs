@@ -9,7 +9,7 @@ use super::{COARSE_REFINEMENT, Consensus, DUPLICATE_POSE, mean_displacement, pro
 use crate::cloud::{Descriptors, Transform};
 use crate::error::Result;
 use crate::math::Vec3;
-use crate::method::given_descriptors::DescriptorRole;
+use crate::method::GivenDescriptors;
 use crate::method::registration::Timings;
 use crate::moments::FullConnection;
 use crate::par;
@@ -164,8 +164,7 @@ impl Consensus {
         let find = |matches: &Correspondences| matches.generate_hypotheses(self.seeds, &self.prior);
         // Tables rank the poses that each alone proposes; they must not hide one of them.
         let mut found = Vec::new();
-        let beside =
-            self.given_descriptors.is_some_and(|given| given.role == DescriptorRole::Beside);
+        let beside = self.given_descriptors.is_some_and(GivenDescriptors::is_beside);
         if given.is_none() && (!self.channels.is_empty() || beside) {
             let mut tables: Vec<fn(&Surface) -> &Descriptors> = vec![Surface::matching_descriptors];
             if beside {
