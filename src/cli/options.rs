@@ -277,6 +277,19 @@ impl MethodOptions {
         options
     }
 
+    /// Returns the options for samples of a closed shape, which no sensor scanned: normals point
+    /// outward where the method has them and no other orientation is given.
+    pub(super) fn for_closed_shape(&self) -> Result<MethodOptions> {
+        let outward = "outward";
+        let method: Method = self.method.parse()?;
+        let has_normals = method.with([("orientation", outward.into())]).is_ok();
+        let mut options = self.clone();
+        if has_normals && options.orientation.is_none() {
+            options.orientation = Some(outward.into());
+        }
+        Ok(options)
+    }
+
     /// Returns the constraints on the pose, if there are any.
     fn prior(&self) -> Result<Option<Prior>> {
         let mut prior = self.prior_options.prior()?;
