@@ -1,4 +1,4 @@
-//! The trait of descriptors, and the input that they get.
+//! The trait [`Descriptor`], FPFH, and the points that descriptors are computed from.
 
 use std::borrow::Cow;
 

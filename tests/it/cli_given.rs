@@ -28,10 +28,12 @@ fn registered(folder: &Path, line: &str) -> (Value, f64) {
     (answer, pose.after(&truth().inverse()).angle().to_degrees())
 }
 
-fn refused(folder: &Path, line: &str) -> String {
+/// Asserts that this command line is refused, in these words.
+fn assert_refused(folder: &Path, line: &str, words: &str) {
     let output = cfreg(folder, &format!("register source.ply target.ply {line}"));
     assert_eq!(output.status.code(), Some(2), "{line}");
-    String::from_utf8(output.stderr).unwrap()
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains(words), "{line}: {said}");
 }
 
 fn truth() -> Transform {
@@ -84,8 +86,7 @@ fn descriptors_are_read_used_and_recorded() {
         ("--descriptors a.npy,b.npy --method icp", "no such setting"),
         ("--given-descriptors beside", "--descriptors"),
     ] {
-        let said = refused(folder.path(), line);
-        assert!(said.contains(words), "{line}: {said}");
+        assert_refused(folder.path(), line, words);
     }
 }
 
@@ -128,7 +129,6 @@ fn correspondences_are_read_used_and_recorded() {
         ("--matches matches.npy --method teaser --voxel 0.1", "numbers the points"),
         ("--scores scores.npy", "--matches"),
     ] {
-        let said = refused(folder.path(), line);
-        assert!(said.contains(words), "{line}: {said}");
+        assert_refused(folder.path(), line, words);
     }
 }
