@@ -9,6 +9,7 @@
 //!
 //! Memory holds the clouds, and for each pair 24 bytes; the names of files once each.
 
+mod cell_reader;
 mod cloud_cache;
 mod columns;
 mod deadlines;

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::cell_reader::CellReader;
 use super::columns::{CellValue, Column};
 use crate::cloud::Transform;
-use crate::io;
 use crate::math::cholesky::Mat6;
 use crate::method::Registration;
 use crate::verify::{self, Decision};
@@ -216,48 +216,16 @@ impl Row {
     /// # Errors
     /// A message with the column and its error.
     pub(super) fn read(get: impl Fn(&str) -> Option<Value>) -> Result<Row, String> {
-        let cell = |name: &str| match get(name) {
-            None | Some(Value::Null) => None,
-            Some(Value::String(word)) if word.is_empty() => None,
-            Some(value) => Some(value),
-        };
-        let needed = |name: &str| cell(name).ok_or_else(|| format!("column {name}: nothing in it"));
-        let text = |name: &str| match cell(name) {
-            None => Ok(None),
-            Some(Value::String(text)) => Ok(Some(text)),
-            Some(value) => Err(format!("column {name}: {value} is not a text")),
-        };
-        let flag = |name: &str| match cell(name) {
-            None => Ok(None),
-            Some(Value::Bool(flag)) => Ok(Some(flag)),
-            Some(Value::String(word)) if word == "true" => Ok(Some(true)),
-            Some(Value::String(word)) if word == "false" => Ok(Some(false)),
-            Some(value) => {
-                Err(format!("column {name}: {} is neither true nor false", format_value(&value)))
-            }
-        };
-        let number = |name: &str| {
-            let Some(value) = cell(name) else { return Ok(None) };
-            let found = value.as_f64().or_else(|| value.as_str()?.parse().ok());
-            match found.filter(|number| number.is_finite()) {
-                Some(number) => Ok(Some(number)),
-                None => Err(format!("column {name}: {} is not a number", format_value(&value))),
-            }
-        };
-        let count = |name: &str| match number(name)? {
-            Some(count) if count < 0.0 || count.fract() != 0.0 => {
-                Err(format!("column {name}: {count} is not a count"))
-            }
-            count => Ok(count.map(|count| count as usize)),
-        };
-        let name =
-            |name: &str| needed(name).and_then(|_| text(name)).map(Option::unwrap_or_default);
+        let cells = CellReader::new(get);
+        let text = |name: &str| cells.text(name);
+        let number = |name: &str| cells.number(name);
+        let count = |name: &str| cells.count(name);
         Ok(Row {
-            index: needed("index").and_then(|_| count("index"))?.unwrap_or_default(),
-            source: name("source")?,
-            target: name("target")?,
+            index: cells.needed("index", count)?,
+            source: cells.needed("source", text)?,
+            target: cells.needed("target", text)?,
             error: text("error")?,
-            trusted: flag("trusted")?,
+            trusted: cells.flag("trusted")?,
             doubts: text("doubts")?,
             decision: text("decision")?,
             probability: number("probability")?,
@@ -334,14 +302,6 @@ pub(crate) fn symmetric_from_triangle(triangle: &[f64; 21]) -> Mat6 {
         matrix[j][i] = value;
     }
     matrix
-}
-
-/// Returns the start of a value for messages.
-fn format_value(value: &Value) -> String {
-    match value {
-        Value::String(text) => io::quote_start(text),
-        other => other.to_string(),
-    }
 }
 
 #[cfg(test)]

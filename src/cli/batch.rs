@@ -8,10 +8,11 @@ use indicatif::ProgressStyle;
 
 use super::options::MethodOptions;
 use super::{CommandOutcome, input, log, outputs, progress};
-use crate::batch::{self, PairList, StartMode};
+use crate::batch::{self, Batch, PairList, StartMode, Summary};
 use crate::cloud::ViewpointSource;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
+use crate::method::Pipeline;
 use crate::par::Interrupt;
 
 /// The exit status is 0 when every pair has its row, including pairs without a pose; 1 if none of
@@ -61,7 +62,15 @@ impl BatchCommand {
         let (method, thinning) = self.method.for_batch().with_voxel(&self.thinning)?;
         let own = self.pairs.parent().unwrap_or(Path::new(""));
         let list = PairList::read(&self.pairs, self.folder.as_deref().unwrap_or(own))?;
-        let mut batch = batch::Batch::new(&method, &method);
+        let batch = self.batch(&method, thinning);
+        handle_ctrl_c(batch.interrupt.clone())?;
+        batch::install_panic_hook();
+        self.outcome(self.run_with_bar(&batch, &list))
+    }
+
+    /// Returns the batch with the settings of the command.
+    fn batch<'a>(&self, method: &'a Pipeline, thinning: Downsampling) -> Batch<'a> {
+        let mut batch = Batch::new(method, method);
         batch.viewpoints = self.viewpoints;
         batch.keep_no_returns = self.method.keep_no_returns;
         batch.thinning = thinning;
@@ -74,8 +83,10 @@ impl BatchCommand {
             (_, true) => StartMode::Overwrite,
             _ => StartMode::Fresh,
         };
-        handle_ctrl_c(batch.interrupt.clone())?;
-        batch::install_panic_hook();
+        batch
+    }
+
+    fn run_with_bar(&self, batch: &Batch<'_>, list: &PairList) -> Result<Summary> {
         let bar = progress(list.len() as u64, "pairs");
         let style = "{msg} {wide_bar} {pos}/{len} {per_sec} {eta}";
         bar.set_style(ProgressStyle::with_template(style).unwrap_or(ProgressStyle::default_bar()));
@@ -88,8 +99,13 @@ impl BatchCommand {
                 begun = true;
             }
         };
-        let done = batch.run_with(&list, &self.output, follow);
+        let done = batch.run_with(list, &self.output, follow);
         bar.finish_and_clear();
+        done
+    }
+
+    /// Reports how the run ended, and returns the outcome of the command.
+    fn outcome(&self, done: Result<Summary>) -> Result<CommandOutcome> {
         let output = self.output.display();
         match done {
             Ok(done) => {

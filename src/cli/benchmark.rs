@@ -71,7 +71,6 @@ pub(super) struct BenchmarkCommand {
 
 impl BenchmarkCommand {
     pub(super) fn run(&self) -> Result<CommandOutcome> {
-        let lists: Vec<_> = self.pairs.iter().map(PathBuf::as_path).collect();
         let drawn = |kind| self.figure.as_ref().map(|stem| stem.with_extension(kind));
         let (svg, png) = (drawn("svg"), drawn("png"));
         let written = [
@@ -81,25 +80,15 @@ impl BenchmarkCommand {
             ("figure", &png),
         ];
         let written = written.map(|(option, path)| (option, path.as_deref()));
-        let mut inputs = lists.clone();
-        inputs.extend(self.poses.iter().map(PathBuf::as_path));
+        let mut inputs: Vec<_> =
+            self.pairs.iter().chain(&self.poses).map(PathBuf::as_path).collect();
         outputs::check(&inputs, &written)?;
-        let mut pairs = Vec::new();
-        for path in lists {
-            let own = path.parent().unwrap_or(Path::new(""));
-            pairs.extend(list::read(path, self.folder.as_deref().unwrap_or(own))?);
-        }
+        let pairs = self.read_pairs()?;
         inputs.extend(pairs.iter().flat_map(|pair| [pair.source.as_path(), &pair.target]));
         outputs::check(&inputs, &written)?;
         let poses = self.read_external_poses(&pairs)?;
         let pairs: Vec<_> = pairs.into_iter().step_by(self.every as usize).collect();
-        let settings = Settings {
-            moved: !self.as_they_stand,
-            seed: self.seed,
-            viewpoints: self.viewpoints,
-            rule: self.rule,
-            points: self.sample,
-        };
+        let settings = self.settings();
         if let Some(output) = &self.candidates {
             let written = self.with_bar("pairs", |follow| {
                 benchmark::candidates::write(&pairs, settings, output, follow)
@@ -111,14 +100,7 @@ impl BenchmarkCommand {
             benchmark::run(&pairs, &self.method, settings, self.output.as_deref(), follow)
         })?;
         for (poses, path) in poses.iter().zip(&self.poses) {
-            for (method, missing) in poses.missing(&pairs) {
-                log(&format!(
-                    "cfreg: {}: {missing} of {} pairs have no row by {method}: they count as \
-                     failed\n",
-                    path.display(),
-                    pairs.len()
-                ));
-            }
+            log_missing(poses, path, &pairs);
             rows.extend(poses.evaluate(&pairs, settings)?);
         }
         print(&report::markdown(&rows))?;
@@ -149,11 +131,42 @@ impl BenchmarkCommand {
         Ok(done)
     }
 
+    /// Reads the pairs of all lists.
+    fn read_pairs(&self) -> Result<Vec<Pair>> {
+        let mut pairs = Vec::new();
+        for path in &self.pairs {
+            let own = path.parent().unwrap_or(Path::new(""));
+            pairs.extend(list::read(path, self.folder.as_deref().unwrap_or(own))?);
+        }
+        Ok(pairs)
+    }
+
+    fn settings(&self) -> Settings {
+        Settings {
+            moved: !self.as_they_stand,
+            seed: self.seed,
+            viewpoints: self.viewpoints,
+            rule: self.rule,
+            points: self.sample,
+        }
+    }
+
     /// Reads the poses of other programs for the pairs of the lists.
     fn read_external_poses(&self, listed: &[Pair]) -> Result<Vec<ExternalPoses>> {
         let folder = self.folder.as_deref().or_else(|| self.pairs[0].parent());
         let read =
             |path: &PathBuf| ExternalPoses::read(path, folder.unwrap_or(Path::new("")), listed);
         self.poses.iter().map(read).collect()
+    }
+}
+
+/// Reports the pairs that poses of other programs, read from `path`, leave out.
+fn log_missing(poses: &ExternalPoses, path: &Path, pairs: &[Pair]) {
+    for (method, missing) in poses.missing(pairs) {
+        log(&format!(
+            "cfreg: {}: {missing} of {} pairs have no row by {method}: they count as failed\n",
+            path.display(),
+            pairs.len()
+        ));
     }
 }

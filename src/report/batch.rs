@@ -23,6 +23,19 @@ pub struct BatchReport<'a> {
     pub viewpoints: ViewpointSource,
 }
 
+/// Columns of the table, with the cells of [`table_row`].
+const COLUMNS: [&str; 9] = [
+    "pair",
+    "source",
+    "target",
+    "verdict",
+    "probability",
+    "overlap",
+    "fitness",
+    "agreement",
+    "why",
+];
+
 impl BatchReport<'_> {
     /// Writes a table of `rows`, the worst first, and the pages of pairs that it links; a pair
     /// whose clouds cannot be read has none. `progress` is called with the numbers of pages done
@@ -33,27 +46,8 @@ impl BatchReport<'_> {
     /// [`Error::Config`](crate::Error::Config) for a row with an invalid pose.
     pub fn write(&self, rows: &[Row], mut progress: impl FnMut(usize, usize)) -> Result<usize> {
         table_page::create_folders(self.output)?;
-        let mut order: Vec<&Row> = rows.iter().collect();
-        let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
-            (Some(_), _) => 0,
-            (None, Some("reject")) => 1,
-            (None, Some("ambiguous" | "uncertain")) => 2,
-            _ if row.is_usable() => 4,
-            _ => 3,
-        };
-        let sure = |row: &Row| row.probability.or(row.agreement).unwrap_or(0.0);
-        order.sort_by(|a, b| {
-            let key = badness(a).cmp(&badness(b)).then(sure(a).total_cmp(&sure(b)));
-            key.then(a.index.cmp(&b.index))
-        });
-        let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
-        let mut lines = vec![format!(
-            "{} pairs: {} poses to use, {} with warnings, {} without a pose.",
-            rows.len(),
-            count(&Row::is_usable),
-            count(&|row| row.error.is_none() && !row.is_usable()),
-            count(&|row| row.error.is_some()),
-        )];
+        let order = worst_first(rows);
+        let mut lines = vec![summary(rows)];
         let all = order.len().min(self.pages);
         let (mut made, mut missing) = (0, 0);
         let mut listed = Vec::new();
@@ -80,17 +74,7 @@ impl BatchReport<'_> {
         if missing > 0 {
             lines.push(format!("Of {missing} the clouds could not be read from here again."));
         }
-        let columns = vec![
-            "pair",
-            "source",
-            "target",
-            "verdict",
-            "probability",
-            "overlap",
-            "fitness",
-            "agreement",
-            "why",
-        ];
+        let columns = COLUMNS.to_vec();
         let title = "Registrations, the worst first".into();
         TablePage { title, lines, columns, rows: listed, ..TablePage::default() }
             .write(self.output)?;
@@ -102,6 +86,37 @@ impl BatchReport<'_> {
         let read = |name: &String| self.viewpoints.apply(io::read(self.clouds.join(name))?);
         Ok([read(&row.source)?, read(&row.target)?])
     }
+}
+
+/// Sorts rows: those without a pose, rejected, ambiguous or uncertain, with warnings, usable; among
+/// equals the least probable first.
+fn worst_first(rows: &[Row]) -> Vec<&Row> {
+    let badness = |row: &Row| match (&row.error, row.decision.as_deref()) {
+        (Some(_), _) => 0,
+        (None, Some("reject")) => 1,
+        (None, Some("ambiguous" | "uncertain")) => 2,
+        _ if row.is_usable() => 4,
+        _ => 3,
+    };
+    let sure = |row: &Row| row.probability.or(row.agreement).unwrap_or(0.0);
+    let mut order: Vec<&Row> = rows.iter().collect();
+    order.sort_by(|a, b| {
+        let key = badness(a).cmp(&badness(b)).then(sure(a).total_cmp(&sure(b)));
+        key.then(a.index.cmp(&b.index))
+    });
+    order
+}
+
+/// Counts the rows, in a sentence.
+fn summary(rows: &[Row]) -> String {
+    let count = |is: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| is(row)).count();
+    format!(
+        "{} pairs: {} poses to use, {} with warnings, {} without a pose.",
+        rows.len(),
+        count(&Row::is_usable),
+        count(&|row| row.error.is_none() && !row.is_usable()),
+        count(&|row| row.error.is_some()),
+    )
 }
 
 fn table_row(row: &Row) -> TableRow {

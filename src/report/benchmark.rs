@@ -7,6 +7,22 @@ use super::table_page::{self, TableCell, TablePage, TableRow};
 use crate::benchmark::{self, BenchmarkRow, Rerun, Settings, reliability};
 use crate::error::Result;
 
+/// Columns of the table, with the cells of [`table_row`].
+const COLUMNS: [&str; 12] = [
+    "set",
+    "source",
+    "target",
+    "method",
+    "is",
+    "accepted",
+    "probability",
+    "rotation error (°)",
+    "translation error",
+    "overlap",
+    "seconds",
+    "why",
+];
+
 /// Writes a table of `rows` into `folder`, the worst first: wrong poses that were accepted, then
 /// failures without a pose, other wrong poses, correct poses that were not accepted, the rest. The
 /// first `pages` rows link to a page with the true pose for comparison; their registrations are run
@@ -23,60 +39,62 @@ pub fn write_benchmark(
     mut progress: impl FnMut(usize, usize),
 ) -> Result<()> {
     table_page::create_folders(folder)?;
-    let mut order: Vec<(usize, &BenchmarkRow)> = rows.iter().enumerate().collect();
-    let badness = |row: &BenchmarkRow| match (row.right, row.accepted) {
-        (false, true) => 0,
-        (false, false) if !row.error.is_empty() => 1,
-        // Unrelated clouds have no correct pose.
-        (false, false) if row.rotation_deg.is_some() => 2,
-        (true, false) => 3,
-        (false, false) | (true, true) => 4,
-    };
-    let off = |row: &BenchmarkRow| -row.rotation_deg.unwrap_or(0.0);
-    order.sort_by(|(i, a), (j, b)| {
-        badness(a).cmp(&badness(b)).then(off(a).total_cmp(&off(b))).then(i.cmp(j))
-    });
+    let order = worst_first(rows);
     let mut listed = Vec::new();
     let all = order.len().min(pages);
     for (at, &(number, row)) in order.iter().enumerate() {
-        let mut line = table_row(row, badness(row));
+        let mut line = table_row(row);
         if at < pages && row.error.is_empty() {
             add_pair_page(&mut line, row, number, pairs, settings, folder)?;
         }
         listed.push(line);
         progress((at + 1).min(all), all);
     }
-    let count = |is: &dyn Fn(&BenchmarkRow) -> bool| rows.iter().filter(|row| is(row)).count();
-    let mut lines = vec![format!(
-        "{} registrations: {} right, {} wrong and accepted, {} without a pose.",
-        rows.len(),
-        count(&|row| row.right),
-        count(&|row| !row.right && row.accepted),
-        count(&|row| !row.error.is_empty()),
-    )];
+    let mut lines = vec![summary(rows)];
     if rows.len() > pages {
         lines.push(format!("The worst {pages} open pages of their own."));
     }
-    let columns = vec![
-        "set",
-        "source",
-        "target",
-        "method",
-        "is",
-        "accepted",
-        "probability",
-        "rotation error (°)",
-        "translation error",
-        "overlap",
-        "seconds",
-        "why",
-    ];
+    let columns = COLUMNS.to_vec();
     let title = "A benchmark, the worst first".into();
     let mut page = TablePage { title, lines, columns, rows: listed, ..TablePage::default() };
     if rows.iter().any(|row| row.probability.is_some()) {
         page.add_figure(&reliability::figure(rows)?, "Probabilities told, and the share right.")?;
     }
     page.write(folder)
+}
+
+/// Sorts numbered rows by their badness; among equals the largest rotation error first.
+fn worst_first(rows: &[BenchmarkRow]) -> Vec<(usize, &BenchmarkRow)> {
+    let off = |row: &BenchmarkRow| -row.rotation_deg.unwrap_or(0.0);
+    let mut order: Vec<(usize, &BenchmarkRow)> = rows.iter().enumerate().collect();
+    order.sort_by(|(i, a), (j, b)| {
+        badness(a).cmp(&badness(b)).then(off(a).total_cmp(&off(b))).then(i.cmp(j))
+    });
+    order
+}
+
+/// Ranks a row, the worst 0.
+fn badness(row: &BenchmarkRow) -> usize {
+    match (row.right, row.accepted) {
+        (false, true) => 0,
+        (false, false) if !row.error.is_empty() => 1,
+        // Unrelated clouds have no correct pose.
+        (false, false) if row.rotation_deg.is_some() => 2,
+        (true, false) => 3,
+        (false, false) | (true, true) => 4,
+    }
+}
+
+/// Counts the rows, in a sentence.
+fn summary(rows: &[BenchmarkRow]) -> String {
+    let count = |is: &dyn Fn(&BenchmarkRow) -> bool| rows.iter().filter(|row| is(row)).count();
+    format!(
+        "{} registrations: {} right, {} wrong and accepted, {} without a pose.",
+        rows.len(),
+        count(&|row| row.right),
+        count(&|row| !row.right && row.accepted),
+        count(&|row| !row.error.is_empty()),
+    )
 }
 
 fn add_pair_page(
@@ -100,14 +118,14 @@ fn add_pair_page(
     line.add_pair_page(page, folder, number)
 }
 
-fn table_row(row: &BenchmarkRow, badness: usize) -> TableRow {
+fn table_row(row: &BenchmarkRow) -> TableRow {
     let known = row.rotation_deg.is_some() || !row.error.is_empty();
     let word = match (row.right, known) {
         (true, _) => "right",
         (false, true) => "wrong",
         (false, false) => "unrelated",
     };
-    let tone = match badness {
+    let tone = match badness(row) {
         0..3 => "bad",
         3 => "unsure",
         _ => "good",

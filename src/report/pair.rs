@@ -85,6 +85,16 @@ struct ViewerPose {
     frame: Viewport,
 }
 
+impl ViewerPose {
+    fn new(stand: &PoseView<'static>, middles: [Vec3; 2]) -> ViewerPose {
+        ViewerPose {
+            name: stand.title,
+            matrix: relative_to_centers(&stand.pose, middles).matrix(),
+            frame: stand.frame,
+        }
+    }
+}
+
 /// Data for the page's text.
 #[derive(Serialize)]
 struct PageText<'a> {
@@ -164,17 +174,12 @@ impl<'a> PairReport<'a> {
         let arrows = covariance
             .map_or_else(Vec::new, |known| Arrow::unconstrained_motions(known, target.middle));
         let middles = [source.middle, target.middle];
-        let places = stands.iter().map(|stand| ViewerPose {
-            name: stand.title,
-            matrix: relative_to_centers(&stand.pose, middles).matrix(),
-            frame: stand.frame,
-        });
         let view = ViewerData {
             source: &source,
             target: &target,
             look,
             radius: stands[1].frame.radius,
-            stands: places.collect(),
+            stands: stands.iter().map(|stand| ViewerPose::new(stand, middles)).collect(),
             residual: [most, near],
             arrows: &arrows,
             weights: weights.as_ref(),

@@ -83,67 +83,24 @@ impl PoseCovariance {
     ) -> Option<PoseCovariance> {
         let all = contacts(pose, usize::MAX);
         let frame = NormalizedFrame::from_pairs(&all)?;
-        let mut curvature = [[0.0; 6]; 6];
-        let mut agreed = [[0.0; 6]; 6];
-        let mut cubes: BTreeMap<[i64; 3], CorrelationCell> = BTreeMap::new();
-        for contact in &all {
-            let normal = contact.mean_normal();
-            let side = |n: Vec3| if math::dot(n, normal) < 0.0 { math::scaled(n, -1.0) } else { n };
-            let row = frame.jacobian_row(contact, normal);
-            let [own, other] = contact.normals.map(|n| frame.jacobian_row(contact, side(n)));
-            let cube = contact.point.map(|x| (x / (CORRELATION_LENGTH * spacing)).floor() as i64);
-            let cube = cubes.entry(cube).or_default();
-            cube.weight += contact.weight;
-            for i in 0..6 {
-                cube.gradient[i] += frame.weighted_residual(contact) * row[i];
-                for j in 0..6 {
-                    curvature[i][j] += contact.weight * row[i] * row[j];
-                    agreed[i][j] += 0.5 * contact.weight * (own[i] * other[j] + other[i] * own[j]);
-                }
-            }
-        }
-        let (values, motions) = symmetric_eigen(&curvature)?;
-        let along = |k: usize, v: &Vec6| (0..6).map(|i| motions[k][i] * v[i]).sum::<f64>();
-        let mut scatter = [[0.0; 6]; 6];
-        let fitted = CorrelationCell::degrees_of_freedom_correction(cubes.values());
-        for cube in cubes.values() {
-            let pull: Vec6 = std::array::from_fn(|k| along(k, &cube.gradient));
-            (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += fitted * pull[i] * pull[j]));
-        }
+        let sums = PairSums::new(&all, &frame, CORRELATION_LENGTH * spacing);
+        let (values, motions) = symmetric_eigen(&sums.curvature)?;
+        let scatter = sums.scatter(&motions);
         let answer =
             frame.finite_difference_hessian(&contacts, pose, &motions, DIFFERENCE_STEP * spacing);
         let known = spacing / frame.radius;
         let slope = |k: usize| (values[k] / frame.squared_displacement(&all, &motions[k])).sqrt();
         let holds = |&k: &usize| {
-            let agreed = along(k, &agreed.map(|row| along(k, &row)));
+            let agreed = dot(&motions[k], &sums.agreed.map(|row| dot(&motions[k], &row)));
             agreed > NORMAL_AGREEMENT * values[k]
                 && slope(k) > SAMPLING_STD
                 && answer[k][k] > 0.0
                 && scatter[k][k].sqrt() < known * answer[k][k]
         };
         let held: Vec<usize> = (0..6).filter(holds).collect();
-        let of_held =
-            |m: &Mat6| faer::Mat::from_fn(held.len(), held.len(), |i, j| m[held[i]][held[j]]);
-        let inverse = of_held(&answer).partial_piv_lu().inverse();
-        let spread = &inverse * of_held(&scatter) * inverse.transpose();
-        // In the frame of the motions: 1 along unconstrained motions.
-        let mut own = [[0.0; 6]; 6];
-        (0..6).for_each(|k| own[k][k] = 1.0);
-        for (i, &k) in held.iter().enumerate() {
-            for (j, &l) in held.iter().enumerate() {
-                own[k][l] =
-                    spread[(i, j)] + if k == l { (SAMPLING_STD * known).powi(2) } else { 0.0 };
-            }
-        }
-        let unit = |i: usize| if i < 3 { 1.0 } else { frame.radius };
-        let entry = |i: usize, j: usize| -> f64 {
-            let row = |k: usize| (0..6).map(|l| own[k][l] * motions[l][j]).sum::<f64>();
-            unit(i) * unit(j) * (0..6).map(|k| motions[k][i] * row(k)).sum::<f64>()
-        };
-        let matrix: Mat6 = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
-        // Rounding must neither break the symmetry nor give NaN.
-        let matrix =
-            std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])));
+        let own = covariance_of_motions(&held, &answer, &scatter, SAMPLING_STD * known);
+        let matrix = frame.covariance(&own, &motions);
+        // Rounding must not give NaN.
         cholesky::factor(&matrix)?;
         Some(PoseCovariance {
             matrix,
@@ -188,6 +145,54 @@ impl PoseCovariance {
         let error = [a, b, c, x, y, z];
         let Some(factor) = cholesky::factor(&self.matrix) else { return f64::NAN };
         cholesky::solve(&factor, &error).iter().zip(error).map(|(a, b)| a * b).sum()
+    }
+}
+
+/// Sums over all surface pairs, in radii.
+struct PairSums {
+    /// Sum of w J Jᵀ by the mean normals.
+    curvature: Mat6,
+    /// The same sum by one normal of each surface: the part on which both agree.
+    agreed: Mat6,
+    /// Cubes within which errors are taken as correlated.
+    cubes: BTreeMap<[i64; 3], CorrelationCell>,
+}
+
+impl PairSums {
+    /// Sums over `contacts`, in cubes of this `side`.
+    fn new(contacts: &[SurfacePair], frame: &NormalizedFrame, side: f64) -> PairSums {
+        let mut curvature = [[0.0; 6]; 6];
+        let mut agreed = [[0.0; 6]; 6];
+        let mut cubes: BTreeMap<[i64; 3], CorrelationCell> = BTreeMap::new();
+        for contact in contacts {
+            let normal = contact.mean_normal();
+            let facing =
+                |n: Vec3| if math::dot(n, normal) < 0.0 { math::scaled(n, -1.0) } else { n };
+            let row = frame.jacobian_row(contact, normal);
+            let [own, other] = contact.normals.map(|n| frame.jacobian_row(contact, facing(n)));
+            let cube = contact.point.map(|x| (x / side).floor() as i64);
+            let cube = cubes.entry(cube).or_default();
+            cube.weight += contact.weight;
+            for i in 0..6 {
+                cube.gradient[i] += frame.weighted_residual(contact) * row[i];
+                for j in 0..6 {
+                    curvature[i][j] += contact.weight * row[i] * row[j];
+                    agreed[i][j] += 0.5 * contact.weight * (own[i] * other[j] + other[i] * own[j]);
+                }
+            }
+        }
+        PairSums { curvature, agreed, cubes }
+    }
+
+    /// Scatter of the gradients of the cubes along `motions`.
+    fn scatter(&self, motions: &[Vec6; 6]) -> Mat6 {
+        let mut scatter = [[0.0; 6]; 6];
+        let fitted = CorrelationCell::degrees_of_freedom_correction(self.cubes.values());
+        for cube in self.cubes.values() {
+            let pull = motions.map(|motion| dot(&motion, &cube.gradient));
+            (0..6).for_each(|i| (0..6).for_each(|j| scatter[i][j] += fitted * pull[i] * pull[j]));
+        }
+        scatter
     }
 }
 
@@ -257,6 +262,18 @@ impl NormalizedFrame {
         contacts.iter().map(square).sum()
     }
 
+    /// Covariance of rotation vector and translation by that of the `motions`, in units of the
+    /// target; rounding does not break its symmetry.
+    fn covariance(&self, own: &Mat6, motions: &[Vec6; 6]) -> Mat6 {
+        let unit = |i: usize| if i < 3 { 1.0 } else { self.radius };
+        let entry = |i: usize, j: usize| -> f64 {
+            let row = |k: usize| (0..6).map(|l| own[k][l] * motions[l][j]).sum::<f64>();
+            unit(i) * unit(j) * (0..6).map(|k| motions[k][i] * row(k)).sum::<f64>()
+        };
+        let matrix: Mat6 = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+        std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (matrix[i][j] + matrix[j][i])))
+    }
+
     fn twist(&self, &[a, b, c, x, y, z]: &Vec6) -> Twist {
         Twist { rotation: [a, b, c], translation: math::scaled([x, y, z], self.radius) }
     }
@@ -300,6 +317,26 @@ impl NormalizedFrame {
             std::array::from_fn(|l| (steps[2 * l][k] - steps[2 * l + 1][k]) / (2.0 * step * share))
         })
     }
+}
+
+/// Covariance in the frame of the motions: A⁻¹ B A⁻ᵀ among those that are `held`, of a standard
+/// deviation of at least `sampling_std`, and 1 along the others.
+fn covariance_of_motions(held: &[usize], a: &Mat6, b: &Mat6, sampling_std: f64) -> Mat6 {
+    let of_held = |m: &Mat6| faer::Mat::from_fn(held.len(), held.len(), |i, j| m[held[i]][held[j]]);
+    let inverse = of_held(a).partial_piv_lu().inverse();
+    let spread = &inverse * of_held(b) * inverse.transpose();
+    let mut own = [[0.0; 6]; 6];
+    (0..6).for_each(|k| own[k][k] = 1.0);
+    for (i, &k) in held.iter().enumerate() {
+        for (j, &l) in held.iter().enumerate() {
+            own[k][l] = spread[(i, j)] + if k == l { sampling_std.powi(2) } else { 0.0 };
+        }
+    }
+    own
+}
+
+fn dot(a: &Vec6, b: &Vec6) -> f64 {
+    (0..6).map(|i| a[i] * b[i]).sum()
 }
 
 /// Returns the eigenvalues, ascending, and unit eigenvectors as rows.

@@ -59,34 +59,7 @@ fn apply_records(
     out: &mut dyn Write,
     moved: &mut Moved,
 ) -> Result<(), WriteFault> {
-    let mut slots =
-        RowSlots { slots: [None; 6], big_endian: array.fields[0].big_endian, widens: false };
-    for field in &array.fields {
-        let name = field.name.as_deref().unwrap_or_default();
-        if field.count == 1
-            && let Some(slot) = slot(name)
-        {
-            slots.slots[slot] = Some((field.offset, field.scalar));
-        } else if field.count == 3
-            && let Some(three) = npy::triple(name)
-        {
-            for (part, name) in three.iter().enumerate() {
-                if let Some(slot) = slot(name) {
-                    let at = field.offset + part * field.scalar.size();
-                    slots.slots[slot] = Some((at, field.scalar));
-                }
-            }
-        }
-    }
-    let is_float =
-        |slot: &Option<(usize, Scalar)>| matches!(slot, Some((_, Scalar::F32 | Scalar::F64)));
-    if !slots.slots[..3].iter().all(is_float) {
-        let what = "the fields x, y and z must be float32 or float64 to be moved";
-        return Err(ContentError::byte(10, what).into());
-    }
-    if slots.slots[3..].contains(&None) {
-        slots.slots[3..].fill(None);
-    }
+    let mut slots = record_slots(array)?;
     let stride = array.stride();
     let records = || array.data.chunks_exact(stride.max(1)).take(rows);
     let mut bounds = MovedBounds::new();
@@ -115,6 +88,39 @@ fn apply_records(
         out.write_all(&buffer)?;
     }
     Ok(())
+}
+
+/// Finds the coordinates and the normal among the fields of a record; a normal that is not whole is
+/// not moved.
+fn record_slots(array: &Array<'_>) -> Result<RowSlots, ContentError> {
+    let mut slots = [None; 6];
+    for field in &array.fields {
+        let name = field.name.as_deref().unwrap_or_default();
+        if field.count == 1
+            && let Some(slot) = slot(name)
+        {
+            slots[slot] = Some((field.offset, field.scalar));
+        } else if field.count == 3
+            && let Some(three) = npy::triple(name)
+        {
+            for (part, name) in three.iter().enumerate() {
+                if let Some(slot) = slot(name) {
+                    let at = field.offset + part * field.scalar.size();
+                    slots[slot] = Some((at, field.scalar));
+                }
+            }
+        }
+    }
+    let is_float =
+        |slot: &Option<(usize, Scalar)>| matches!(slot, Some((_, Scalar::F32 | Scalar::F64)));
+    if !slots[..3].iter().all(is_float) {
+        let what = "the fields x, y and z must be float32 or float64 to be moved";
+        return Err(ContentError::byte(10, what));
+    }
+    if slots[3..].contains(&None) {
+        slots[3..].fill(None);
+    }
+    Ok(RowSlots { slots, big_endian: array.fields[0].big_endian, widens: false })
 }
 
 /// Returns the slot of a number of a field.

@@ -2,6 +2,7 @@
 
 mod alternatives;
 mod filtered_cloud;
+mod fine_pose;
 mod hypotheses;
 mod mirrored;
 mod result;
@@ -16,10 +17,11 @@ mod weight_graph;
 use serde::{Deserialize, Serialize};
 
 use self::filtered_cloud::FilteredCloud;
+use self::fine_pose::{FinePose, MIN_PROBABILITY_FOR_ALTERNATIVES, best_trial};
 pub(super) use self::hypotheses::PointPair;
 use self::scan::{Scan, ViewpointHypothesis};
 pub use self::scored_pose::ScoredPose;
-use self::trial::{LocalScoredPose, ViewpointTrial, sort_by_odds};
+use self::trial::{LocalScoredPose, ViewpointTrial};
 use super::registration::Timings;
 use super::{Cached, Channel, GivenDescriptors, Register, Registration};
 use crate::cloud::{PointCloud, Transform};
@@ -28,7 +30,7 @@ use crate::math::{self, Vec3};
 use crate::normals::OrientedBy;
 use crate::par;
 use crate::pose::{Prior, ScaleEstimate};
-use crate::surface::{INLIER_DISTANCE, RefineOptions, Refined, Surface, refine, to_cloud_frames};
+use crate::surface::{RefineOptions, Refined, Surface, to_cloud_frames};
 use crate::verify::VerdictModel;
 
 /// Global registration of scans that overlap in part: the method for clouds without prior
@@ -136,13 +138,6 @@ const FINE_REFINEMENT: RefineOptions =
 const DUPLICATE_POSE: f64 = 3.0;
 /// Mean displacement from which on a runner-up is a different pose, in voxel sizes. Chosen by hand.
 const DISTINCT_POSE: f64 = 8.0;
-/// Number of candidates that are refined finely, before the best of them is chosen. Chosen by hand.
-const FINE_POSES: usize = 3;
-/// Difference of the log odds from the best candidate up to which others are refined finely. Chosen
-/// by hand.
-const CLOSE_LOG_ODDS: f64 = 3.0;
-/// Probability of a pose above which its alternatives are looked for. Chosen by hand.
-const MIN_PROBABILITY_FOR_ALTERNATIVES: f64 = 0.3;
 /// A verified pose is scored as its refined pose if both are nearer than this, in voxel sizes.
 /// Chosen by hand.
 const MAX_REFINE_SHIFT: f64 = 1.0;
@@ -277,55 +272,24 @@ impl Consensus {
         let ends = || scans.each_ref();
         let sensors =
             times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
-        let attempts = config.run_trials(&scans, sensors, given, length, times)?;
-        let odds = |attempt: &ViewpointTrial| {
-            attempt.candidates.first().map_or(f64::NEG_INFINITY, |best| best.log_odds)
-        };
-        // The first of equally good trials.
-        let ranked = attempts.iter().enumerate().rev();
-        let best = ranked.max_by(|(_, a), (_, b)| odds(a).total_cmp(&odds(b)));
-        let Some((best, at, first)) =
-            best.and_then(|(best, at)| Some((best, at, at.candidates.first()?)))
-        else {
-            return Err(Error::NO_WEIGHT);
-        };
-        let (best_trial, first) = (best, first.log_odds);
-        let finest = |pose: &Transform| -> (Refined, LocalScoredPose) {
-            let max_distance = INLIER_DISTANCE * length;
-            let ends = at.surface_refs();
-            let refined = refine(ends, pose, max_distance, FINE_REFINEMENT, &self.prior);
-            (refined, at.score(&refined.pose, self))
-        };
-        let mut best = times.time("refine", || {
-            let near = |candidate: &&LocalScoredPose| candidate.log_odds > first - CLOSE_LOG_ODDS;
-            let close: Vec<_> = at.candidates.iter().take(FINE_POSES).take_while(near).collect();
-            let mut all = par::map(close.len(), || (), |_, k| finest(&close[k].pose));
-            // The first of equally good ones.
-            all.reverse();
-            all.into_iter().max_by(|a, b| a.1.log_odds.total_cmp(&b.1.log_odds))
-        });
-        let Some((mut refined, mut scored)) = best.take() else { return Err(Error::NO_WEIGHT) };
+        let trials = config.run_trials(&scans, sensors, given, length, times)?;
+        let Some(best_trial) = best_trial(&trials) else { return Err(Error::NO_WEIGHT) };
+        let trial = &trials[best_trial];
+        let best = times.time("refine", || self.refine_candidates(trial, length));
+        let Some(mut best) = best else { return Err(Error::NO_WEIGHT) };
         let mut alternatives = Vec::new();
-        if self.usual_probability(scored.evidence) > MIN_PROBABILITY_FOR_ALTERNATIVES {
-            times.time("alternatives", || {
-                alternatives = self.alternatives(at, &scored.pose, length);
-                if let Some(other) = alternatives.first()
-                    && other.log_odds > scored.log_odds
-                {
-                    let beaten = scored;
-                    (refined, scored) = finest(&other.pose);
-                    alternatives[0] = beaten;
-                    sort_by_odds(&mut alternatives);
-                }
-            });
+        if self.usual_probability(best.scored.evidence) > MIN_PROBABILITY_FOR_ALTERNATIVES {
+            alternatives =
+                times.time("alternatives", || self.find_alternatives(&mut best, trial, length));
         }
+        let FinePose { refined, scored } = best;
         Ok(ConsensusSearch {
             config,
             given,
             voxel_size: length,
             scans,
             known_viewpoints: sensors,
-            trials: attempts,
+            trials,
             best_trial,
             refined,
             best: scored,

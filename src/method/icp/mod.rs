@@ -1,24 +1,24 @@
 //! ICP: the nearest point within a limit, weighted and solved repeatedly.
 
+mod convergence;
 mod pairs;
 mod surface;
 
-use std::collections::VecDeque;
-
 use serde::{Deserialize, Serialize};
 
+use self::convergence::Convergence;
 use self::surface::{PairSet, SurfaceProblem};
 use super::iterate::{Iteration, iterate};
 use super::position_problem::PositionProblem;
 use super::registration::{PointCounts, Timings};
-use super::{Cached, MethodRecord, Refine, Registration, SolvedPose, StopReason};
+use super::{Cached, MethodRecord, Refine, Registration, SolvedPose};
 use crate::cloud::{PointCloud, Transform};
 use crate::error::{Error, Result};
-use crate::math::{self, Vec3};
+use crate::math;
 use crate::moments::{self, Moments};
 use crate::par;
 use crate::pose::{self, Prior, ScaleEstimate, Solver};
-use crate::verify::{self, FitnessRule, Warning};
+use crate::verify::{self, FitnessRule};
 use crate::weight::WeightScheme;
 
 /// The minimised distance of a pair.
@@ -118,13 +118,6 @@ impl Default for Icp {
     }
 }
 
-/// Number of last steps: a pose that returns to one of them has converged, as a few sets of pairs
-/// then alternate without end. Five of 38 refinements of scans by the surface metrics did.
-const CYCLE_LENGTH: usize = 8;
-/// Smallest pivot of the surfaces below which a pose gets a warning ([`Warning::Degenerate`]).
-/// Chosen by hand.
-const MIN_PIVOT: f64 = 1e-4;
-
 impl Icp {
     /// Returns the paper's settings (section IV-A) as PCL 1.13's `IterativeClosestPoint` interprets
     /// them: pairs of at most 0.5, 1000 iterations, transformation epsilon 1e-9 (of the squared
@@ -221,40 +214,24 @@ impl Icp {
             })?),
         };
         let mut transform = *initial;
-        let mut recent = RecentPoses::new(&config, source, &positions, transform);
-        let mut before = f64::INFINITY;
+        let unit = positions.rms_radius();
+        let mut convergence = Convergence::new(&config, source.centroid(), unit, transform);
         let iterated = iterate(config.trace, |iteration| {
             let (pairs, error) = times.time("pairs", || {
                 pairs::find_pairs(&config, &positions, &positions.transform_source(&transform)?)
             })?;
             let moments = moments::moments_of_pairs(source, target, &pairs)?;
             let on = PairSet { source, target, pairs: &pairs };
-            transform = times.time("solve", || match &surfaces {
-                Some(surfaces) => self.prior.project_pose(
-                    &surfaces.gauss_newton_step(on, &transform)?,
-                    moments.centered()?.source_mean,
-                ),
-                None => solve_point_to_point(&moments, transform.scale, &self.prior),
-            })?;
-            let change = (before - error).abs();
-            let least_change = config.error_tolerance.max(config.relative_error_tolerance * before);
-            before = error;
-            let stop = match () {
-                () if recent.contains_near(transform) => Some(StopReason::PoseSettled),
-                () if change < least_change => Some(StopReason::ObjectiveSettled),
-                () if iteration == config.max_iterations => Some(StopReason::IterationLimit),
-                () => None,
-            };
+            transform = times
+                .time("solve", || self.next_pose(surfaces.as_ref(), on, &moments, &transform))?;
+            let stop = convergence.check(transform, error, iteration);
             let (objective, weight) = (error.sqrt(), moments.weight);
             let state = (moments, pairs);
             Ok(Iteration { transform, objective, weight, bandwidth: None, stop, state })
         })?;
         let (moments, pairs) = iterated.state;
         let on = PairSet { source, target, pairs: &pairs };
-        let pivot = surfaces.as_ref().map(|surfaces| surfaces.min_pivot(on, &transform));
-        let degenerate = pivot
-            .filter(|found| found.is_nan() || *found < MIN_PIVOT)
-            .map(|found| Warning::Degenerate { found, needed: MIN_PIVOT });
+        let degenerate = surfaces.and_then(|surfaces| surfaces.check_pivot(on, &transform));
         let solved = SolvedPose {
             transform,
             moments: Some(moments),
@@ -273,46 +250,23 @@ impl Icp {
         };
         solved.finish_cached(ends[0], ends[1])
     }
-}
 
-/// The last poses, which a pose that rests is near.
-struct RecentPoses {
-    poses: VecDeque<Transform>,
-    /// Centre of the source, whose motion is the translation of a step.
-    center: Vec3,
-    /// Largest rotation, radians, and translation of a step at rest.
-    tolerances: (f64, f64),
-}
-
-impl RecentPoses {
-    fn new(
-        config: &Icp,
-        source: &PointCloud,
-        positions: &PositionProblem,
-        initial: Transform,
-    ) -> Self {
-        let shift = config.translation_tolerance * positions.rms_radius();
-        RecentPoses {
-            poses: VecDeque::from([initial]),
-            center: source.centroid(),
-            tolerances: (config.rotation_tolerance, shift),
+    /// Returns the pose that minimises the distance of the pairs: after one step from `pose` on
+    /// `surfaces`, in closed form without them.
+    fn next_pose(
+        &self,
+        surfaces: Option<&SurfaceProblem>,
+        on: PairSet<'_>,
+        moments: &Moments,
+        pose: &Transform,
+    ) -> Result<Transform> {
+        match surfaces {
+            Some(surfaces) => self.prior.project_pose(
+                &surfaces.gauss_newton_step(on, pose)?,
+                moments.centered()?.source_mean,
+            ),
+            None => solve_point_to_point(moments, pose.scale, &self.prior),
         }
-    }
-
-    /// Returns whether one of the poses is near `pose`, and adds it.
-    fn contains_near(&mut self, pose: Transform) -> bool {
-        let near = |other: &Transform| {
-            let turned = math::mat_mul(&pose.rotation, &math::transpose(&other.rotation));
-            let shift = math::norm(math::sub(pose.apply(self.center), other.apply(self.center)));
-            Transform::rigid(turned, [0.0; 3]).angle() <= self.tolerances.0
-                && shift <= self.tolerances.1
-        };
-        let rests = self.poses.iter().any(near);
-        self.poses.push_back(pose);
-        if self.poses.len() > CYCLE_LENGTH {
-            self.poses.pop_front();
-        }
-        rests
     }
 }
 

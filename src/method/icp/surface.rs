@@ -17,12 +17,16 @@ use crate::normals::{self, Orientation};
 use crate::par;
 use crate::search::{Neighborhood, Neighbors};
 use crate::surface::NormalEquations;
+use crate::verify::Warning;
 
 /// Variance of a disc along its normal; 1 in its plane (Segal et al., section III-C).
 const NORMAL_VARIANCE: f64 = 1e-3;
 /// Share of the mean curvature added to every direction: directions constrained only by rounding do
 /// not move.
 const DAMPING: f64 = 1e-9;
+/// Smallest pivot of the surfaces below which a pose gets a warning ([`Warning::Degenerate`]).
+/// Chosen by hand.
+const MIN_PIVOT: f64 = 1e-4;
 const BLOCK: usize = 1024;
 
 /// Normals of the clouds, zero where a neighbourhood has no plane.
@@ -111,10 +115,17 @@ impl SurfaceProblem {
         Ok(*pose)
     }
 
+    /// Returns a warning if the surfaces hardly constrain the pose.
+    pub(super) fn check_pivot(&self, on: PairSet<'_>, pose: &Transform) -> Option<Warning> {
+        let found = self.min_pivot(on, pose);
+        (found.is_nan() || found < MIN_PIVOT)
+            .then_some(Warning::Degenerate { found, needed: MIN_PIVOT })
+    }
+
     /// Returns the smallest pivot of the point-to-plane curvature over its mean: how well the
     /// surfaces constrain the least constrained direction of the pose. About 0 for a plane or a
     /// sphere, along which the clouds slide.
-    pub(super) fn min_pivot(&self, on: PairSet<'_>, pose: &Transform) -> f64 {
+    fn min_pivot(&self, on: PairSet<'_>, pose: &Transform) -> f64 {
         let normal = |pair: &WeightedPair| self.normal(pair);
         let information: Vec<Mat3> =
             on.pairs.iter().map(|p| math::outer(normal(p), normal(p))).collect();
