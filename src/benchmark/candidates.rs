@@ -9,6 +9,7 @@ use super::{Pair, PairClouds, PreparedPair, Settings};
 use crate::error::{Error, Result};
 use crate::io::outputs;
 use crate::method::Consensus;
+use crate::verify::Decision;
 #[cfg(doc)]
 use crate::verify::Evidence;
 
@@ -47,6 +48,8 @@ pub struct CandidateRow {
     /// Degrees of freedom that the surfaces leave unconstrained: such a pose is not accepted; for final
     /// poses alone.
     pub unconstrained: Option<usize>,
+    /// Decision of the verdict; for final poses alone.
+    pub decision: Option<Decision>,
     /// Rotation error, in degrees; empty without a true pose.
     pub rotation_error_deg: Option<f64>,
     /// Whether the pose is correct; false for unrelated clouds.
@@ -99,6 +102,7 @@ pub fn write(
                     translation_std: scored.translation_std,
                     margin: scored.margin,
                     unconstrained: scored.unconstrained,
+                    decision: scored.decision,
                     rotation_error_deg: error.map(|(_, degrees)| degrees),
                     right: error.is_some_and(|(right, _)| right),
                     answer: scored.is_best,

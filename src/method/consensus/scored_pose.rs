@@ -1,13 +1,12 @@
 //! Every scored pose of a search, with its evidence: the data for the fit of the verdict model.
 
 use super::Consensus;
-use super::trial::LocalScoredPose;
 use crate::cloud::{PointCloud, Transform};
 use crate::error::Result;
 use crate::method::registration::Timings;
 use crate::par;
 use crate::surface::to_cloud_frames;
-use crate::verify::Evidence;
+use crate::verify::{Decision, Evidence};
 
 /// A pose that [`Consensus`] scored, and its evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +26,8 @@ pub struct ScoredPose {
     pub margin: Option<f64>,
     /// Degrees of freedom that the surfaces leave unconstrained; for the best pose alone.
     pub unconstrained: Option<usize>,
+    /// Decision of the verdict; for the best pose alone.
+    pub decision: Option<Decision>,
     /// Whether it is the best pose, scored after its last refinement.
     pub is_best: bool,
 }
@@ -55,20 +56,24 @@ impl Consensus {
                     translation_std: None,
                     margin: None,
                     unconstrained: None,
+                    decision: None,
                     is_best: false,
                 }));
             }
-            let LocalScoredPose { pose, evidence, .. } = search.best;
-            let covariance = search.covariance(&pose);
+            let (best, alternatives) = (&search.best, &search.alternatives);
+            let covariance = search.covariance(&best.pose);
             let confidence =
-                search.confidence(&pose, evidence, &search.alternatives, covariance.as_ref());
+                search.confidence(&best.pose, best.evidence, alternatives, covariance.as_ref());
+            let unconstrained = covariance.as_ref().map_or(0, |known| known.unobservable.len());
+            let verdict = search.build_verdict(best, alternatives, covariance);
             scored.push(ScoredPose {
                 transform: search.best_pose(),
-                evidence,
+                evidence: best.evidence,
                 supporting_hypotheses: Some(confidence.supporting_hypotheses),
                 translation_std: Some(confidence.bounded_translation_std()),
                 margin: Some(confidence.bounded_margin()),
-                unconstrained: Some(covariance.map_or(0, |known| known.unobservable.len())),
+                unconstrained: Some(unconstrained),
+                decision: Some(verdict.decision),
                 is_best: true,
             });
             Ok(scored)
