@@ -13,8 +13,11 @@ logistic regression on the answers, each with weight 1.
 
 The tables of results leave out one source after the other: a source is a sensor with a scene. All
 scans of the kitchen are one source. The pairs that show the source are left out of both fits, and the
-fitted model judges the answers of these pairs. An answer with a free motion is not accepted. One that is
-`ambiguous` for an alternative counts here as any other: the crate accepts fewer.
+fitted model judges the answers of these pairs. An answer with a free motion, and one that the crate
+called ambiguous, is not accepted.
+
+Pairs of data sets named `made` (`verdict.made_pairs`) are fitted like any other; each kind of them is a
+source. Results of real scans and of made pairs are told apart.
 """
 
 import argparse
@@ -92,8 +95,8 @@ class Poses:
     found: np.ndarray
     """(N, 3), those of `FOUND`; 0 for poses that are no answer."""
     right: np.ndarray
-    unconstrained: np.ndarray
-    """Whether surfaces leave a motion free: such an answer is ambiguous."""
+    ambiguous: np.ndarray
+    """Whether surfaces leave a motion free, or the crate called the answer ambiguous."""
     pairs: np.ndarray
     """Number of the pair that a pose belongs to."""
     sets: np.ndarray
@@ -106,7 +109,7 @@ class Poses:
             np.array([pose_terms(row) for row in rows]).reshape(-1, len(EVIDENCE)),
             np.array([answer_terms(row) for row in rows]).reshape(-1, len(FOUND)),
             np.array([row["right"] == "true" for row in rows], bool),
-            np.array([(row["unconstrained"] or "0") != "0" for row in rows], bool),
+            np.array([row["unconstrained"] not in ("", "0") or row["decision"] == "ambiguous" for row in rows], bool),
             np.array([row["pair"] for row in rows], int),
             np.array([row["dataset"] for row in rows]),
             np.array([[source_of(row["source"]), source_of(row["target"])] for row in rows]).reshape(-1, 2),
@@ -123,6 +126,11 @@ class Poses:
     def unrelated(self):
         """Whether the clouds of a pair show different scenes."""
         return np.char.startswith(self.sets, "unrelated")
+
+    @property
+    def made(self):
+        """Whether the clouds of a pair are simulated."""
+        return np.char.find(self.sets, "made ") >= 0
 
 
 def standardised(terms):
@@ -238,7 +246,7 @@ RESULTS = ["calibration error", "unrelated, accepted", "wrong, accepted", "right
 
 def results(probability, answers):
     """Values of the columns `RESULTS`."""
-    accepted = (probability >= thresholds()["accept"]) & ~answers.unconstrained
+    accepted = (probability >= thresholds()["accept"]) & ~answers.ambiguous
     rejected = probability < thresholds()["reject"]
     wrong = ~answers.right & ~answers.unrelated
     count = lambda hit, among: interval(int(np.sum(hit & among)), int(np.sum(among)))
@@ -311,7 +319,14 @@ def print_coefficients(model, poses, answers):
     ]
     print_table(["coefficient", "fitted", "crate"], rows)
     print("\nIn sample: all of these answers were fitted.\n")
-    rows = [[name, *results(by.probabilities(answers), answers)] for name, by in [("fitted", model), ("crate", crate)]]
+    told = lambda by, which: results(by.probabilities(answers.where(which)), answers.where(which))
+    kinds = [("real scans", ~answers.made), ("made pairs", answers.made)]
+    rows = [
+        [f"{name}, {kind}", *told(by, which)]
+        for kind, which in kinds
+        for name, by in [("fitted", model), ("crate", crate)]
+        if which.any()
+    ]
     print_table(["model", *RESULTS], rows)
 
 
@@ -329,12 +344,16 @@ def left_out(poses, answers):
 def print_left_out(told, answers):
     print("\nLeave one source out: the model that judges a pair has seen no pair that shows its scenes.\n")
     rows = []
-    for name in sorted(set(answers.sources[~answers.unrelated, 0])):
-        which = (answers.sources[:, 0] == name) & ~answers.unrelated
-        rows.append([name, int(np.sum(which)), *results(told[which], answers.where(which))])
-    which = answers.unrelated
-    rows.append(["unrelated pairs", int(np.sum(which)), *results(told[which], answers.where(which))])
-    rows.append(["all", len(told), *results(told, answers)])
+    add = lambda name, which: rows.append([name, int(np.sum(which)), *results(told[which], answers.where(which))])
+    real = ~answers.made
+    for name in sorted(set(answers.sources[real & ~answers.unrelated, 0])):
+        add(name, real & ~answers.unrelated & (answers.sources[:, 0] == name))
+    add("unrelated pairs", real & answers.unrelated)
+    add("all real scans", real)
+    for name in sorted(set(answers.sources[~real, 0])):
+        add(f"made: {name}", ~real & (answers.sources[:, 0] == name))
+    if not real.all():
+        add("all made pairs", ~real)
     print_table(["left out", "answers", *RESULTS], rows)
 
 

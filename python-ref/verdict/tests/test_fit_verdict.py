@@ -103,7 +103,7 @@ class ScoredPose(unittest.TestCase):
         probability = np.array([0.95, 0.65, 0.05, 0.85, 0.02, 0.9])
         counts = lambda: [cell.split(" ")[0] for cell in results(probability, drawn)[1:]]
         self.assertEqual(counts(), ["1/2", "1/1", "2/3", "1/3"])
-        # Answers with a free motion are not accepted, whatever their probability.
+        # Ambiguous answers are not accepted, whatever their probability.
         free[[0, 3]] = True
         self.assertEqual(counts(), ["1/2", "0/1", "3/3", "1/3"])
 
@@ -130,7 +130,7 @@ class ScoredPose(unittest.TestCase):
         with contextlib.redirect_stdout(io.StringIO()) as printed:
             print_left_out(told, judged)
         self.assertIn("| attic | 200 |", printed.getvalue())
-        self.assertIn("| all | 400 |", printed.getvalue())
+        self.assertIn("| all real scans | 400 |", printed.getvalue())
 
 
 if __name__ == "__main__":
