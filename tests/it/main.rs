@@ -39,6 +39,8 @@ mod kernel_correlation;
 mod licenses;
 mod methods;
 mod moments;
+// Its tests are lines of a shell.
+#[cfg(unix)]
 mod outputs;
 mod pairs;
 mod point_weights;
