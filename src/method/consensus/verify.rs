@@ -121,6 +121,7 @@ impl ConsensusSearch<'_> {
             ));
         }
         reasons.extend(self.excluded_points());
+        reasons.extend(self.effort_reason());
         let runner_up = self.find_runner_up(pose, &confidence, alternatives);
         let model = self.config.verdict_model();
         let probability = model.probability(&confidence);
