@@ -8,10 +8,12 @@ mod batch;
 mod benchmark;
 mod clouds;
 mod demo;
+mod doctor;
 mod evaluate;
 mod given;
 mod graph;
 mod input;
+mod manual;
 mod options;
 mod outputs;
 mod pairs;
@@ -64,6 +66,12 @@ enum Command {
     Batch(batch::BatchCommand),
     /// Export the accepted poses among the results of a list as a pose graph (g2o)
     Graph(graph::GraphCommand),
+    /// Print versions, instructions, processors and memory, for a report of a fault
+    Doctor,
+    /// Print the completions of a shell: cfreg completions bash > FILE
+    Completions(manual::CompletionsCommand),
+    /// Write the manual pages of all commands to a folder
+    Man(manual::ManCommand),
     /// Print the licences of all software that is compiled into this program
     Licenses,
 }
@@ -105,6 +113,9 @@ pub fn main(output: bool) -> ExitCode {
         Command::Pairs(command) => command.run(),
         Command::Batch(command) => command.run(),
         Command::Graph(command) => command.run(),
+        Command::Doctor => doctor::run(),
+        Command::Completions(command) => command.run(),
+        Command::Man(command) => command.run(),
         Command::Licenses => print(THIRD_PARTY).map(|()| CommandOutcome::Trusted),
     })
 }

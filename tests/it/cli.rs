@@ -39,7 +39,9 @@ fn json_is_one_object_with_the_documented_fields() {
     let folder = demo();
     let output = cfreg(
         folder.path(),
-        &format!("{PAIR} --method cf --verdict=off --json --voxel 0.02 --sample 1800 --seed 4"),
+        &format!(
+            "{PAIR} --method cf --orientation outward --verdict=off --json --voxel 0.02 --sample 1800 --seed 4"
+        ),
     );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -70,6 +72,29 @@ fn json_is_one_object_with_the_documented_fields() {
     assert_eq!(answer["points"]["source"]["used"], 1800);
     assert!(answer["time_s"]["moments"].as_f64().unwrap() > 0.0);
     assert!(answer["time_s"]["total"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn the_program_tells_of_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = cfreg(folder.path(), "doctor");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.starts_with(&format!("cfreg:               {}\n", env!("CARGO_PKG_VERSION"))));
+    for name in ["verdict model:", "built for:", "vector instructions:", "processors:", "memory:"] {
+        let line = said.lines().find(|line| line.starts_with(name)).unwrap();
+        assert!(line.len() > 21, "{line}");
+    }
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = cfreg(folder.path(), &format!("completions {shell}")).stdout;
+        assert!(String::from_utf8(script).unwrap().contains("write-aligned"), "{shell}");
+    }
+    assert_eq!(code(&cfreg(folder.path(), "completions dos")), 2);
+    assert_eq!(code(&cfreg(folder.path(), "man pages")), 0);
+    let page = std::fs::read_to_string(folder.path().join("pages/cfreg-register.1")).unwrap();
+    assert!(page.contains("refine") && page.contains(".SH OPTIONS"), "{page}");
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    let refused = cfreg(folder.path(), "man file");
+    assert!(code(&refused) == 2 && stderr(&refused).contains("file"), "{}", stderr(&refused));
 }
 
 #[test]
@@ -192,7 +217,10 @@ fn a_verdict_is_told_of_any_pose_and_method() {
     assert!(plain.get("verdict").is_none() && plain["fitness"] == told["fitness"]);
     // Of a method that has none of its own.
     for (line, decision) in [("--verdict=off", Value::Null), ("", "accept".into())] {
-        let found = cfreg(folder.path(), &format!("{PAIR} --method cf-multiscale --json {line}"));
+        let found = cfreg(
+            folder.path(),
+            &format!("{PAIR} --method cf-multiscale --orientation outward --json {line}"),
+        );
         let found: Value = serde_json::from_slice(&found.stdout).unwrap();
         assert_eq!(found["verdict"].get("decision").unwrap_or(&Value::Null), &decision);
         assert_eq!(found["time_s"].get("verdict").is_some(), line.is_empty());
@@ -225,7 +253,10 @@ fn settings_reach_the_method() {
     let folder = demo();
     let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
         --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
-    let output = cfreg(folder.path(), &format!("{PAIR} --method cf --json {settings}"));
+    let output = cfreg(
+        folder.path(),
+        &format!("{PAIR} --method cf --orientation outward --json {settings}"),
+    );
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
     let config = &answer["config"];
     assert_eq!(config["neighborhood"]["nearest"], 80);
