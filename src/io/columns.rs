@@ -170,11 +170,18 @@ fn find_slots(
 /// Formats the message for a slot without a column, with the names that were found.
 fn missing_message(slot: usize, names: &[Option<&str>]) -> String {
     const MAX_LISTED: usize = 12;
+    const MAX_BYTES: usize = 300;
     let found: Vec<String> = names.iter().flatten().map(|name| truncate_name(name)).collect();
+    let mut bytes = 0;
+    let fits = |name: &&String| {
+        bytes += name.len() + 2;
+        bytes <= MAX_BYTES
+    };
+    let shown = found.iter().take(MAX_LISTED).take_while(fits).count();
     let listed = match found.len() {
         0 => "none".into(),
-        count if count > MAX_LISTED => {
-            format!("{} and {} more", found[..MAX_LISTED].join(", "), count - MAX_LISTED)
+        count if count > shown => {
+            format!("{} and {} more", found[..shown].join(", "), count - shown)
         }
         _ => found.join(", "),
     };
@@ -412,6 +419,10 @@ mod tests {
         assert!(!half.has_normals() && half.differences().to_string().contains("nx"));
         assert!(named("x,y,X,z").unwrap_err().contains("x is"));
         assert!(named("x,y").unwrap_err().contains("no z"));
+        // Letters of four bytes, too, leave the message short.
+        let wide = ["\u{1f4a0}".repeat(50).as_str(); 12].join(",");
+        let said = named(&wide).unwrap_err();
+        assert!(said.len() < 500 && said.ends_with("and 11 more"), "{said}");
     }
 
     #[test]

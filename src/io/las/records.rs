@@ -25,6 +25,11 @@ const MAX_PACKED_SIZE: usize = 1024;
 /// Chosen by hand.
 const MAX_POINTS_PER_BYTE: u64 = 16;
 
+/// Bytes of stack for unpacking, taken from memory as they are used. `laz` calls itself once for each
+/// change of the sequence of GPS times, some hundred times a byte in damaged files, with 80 bytes of
+/// stack each; whole files have hardly any.
+const UNPACK_STACK: usize = 1 << 28;
+
 /// Returns the record of LASzip with its header.
 pub(super) fn laz_record(vlr: &LazVlr) -> std::io::Result<Vec<u8>> {
     let mut content = Vec::new();
@@ -78,9 +83,9 @@ pub(super) fn for_each<R: Read + Seek + Send + Sync>(
         let mut decompressor = decompressor
             .and_then(|made| made.map_err(|error| error.to_string()))
             .map_err(|what| ContentError::byte(header.bytes.len(), damaged(&what)))?;
-        Box::new(move |batch| match guard(|| decompressor.decompress_many(batch)) {
-            Ok(done) => done,
-            Err(what) => Err(std::io::Error::other(what)),
+        Box::new(move |batch| {
+            let unpacked = on_large_stack(|| guard(|| decompressor.decompress_many(batch)))?;
+            unpacked.unwrap_or_else(|what| Err(std::io::Error::other(what)))
         })
     } else {
         check_plain(header)?;
@@ -99,6 +104,15 @@ pub(super) fn for_each<R: Read + Seek + Send + Sync>(
         first += count;
     }
     Ok(())
+}
+
+/// Runs `work` on a thread of its own with [`UNPACK_STACK`].
+fn on_large_stack<T: Send>(work: impl FnOnce() -> T + Send) -> std::io::Result<T> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(UNPACK_STACK);
+        let done = thread.spawn_scoped(scope, work)?.join();
+        done.map_err(|_| std::io::Error::other("the thread that unpacks has ended"))
+    })
 }
 
 fn cut_short(first: u64, header: &LasHeader, error: &std::io::Error) -> ContentError {

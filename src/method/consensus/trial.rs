@@ -27,8 +27,9 @@ const GLANCE: Measurement = Measurement { max_points: COARSE_POINTS, pose_error:
 /// Scoring of refined poses. Chosen by hand.
 const REFINED: Measurement =
     Measurement { max_points: COARSE_REFINEMENT.max_points, pose_error: 0.0 };
-/// Probability of a pose from which on no other viewpoints are tried. Chosen by hand.
-pub(super) const EARLY_EXIT_PROBABILITY: f64 = 0.98;
+/// Probability of a pose, if it is as usual, from which on no other viewpoints are tried. Chosen by
+/// hand.
+pub(super) const EARLY_EXIT_PROBABILITY: f64 = 0.997;
 /// Factor by which descriptors count more where channels are compared with them: who names channels
 /// says that they tell poses apart. Chosen by hand.
 const CHANNEL_WEIGHT: f64 = 5.0;

@@ -126,6 +126,12 @@ impl ConsensusSearch<'_> {
         let model = self.config.verdict_model();
         let probability = model.probability(&confidence);
         let verdict = Verdict::new(model, probability, *evidence, reasons, runner_up, covariance);
+        let verdict = match confidence.margin {
+            Some(margin) if margin < model.thresholds.ambiguous_margin => {
+                verdict.with_close_rival(margin)
+            }
+            _ => verdict,
+        };
         if verdict.decision == Decision::Reject {
             return verdict;
         }
