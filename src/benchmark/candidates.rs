@@ -39,10 +39,10 @@ pub struct CandidateRow {
     pub free_space_violation: Option<f64>,
     /// Refined hypotheses that converged to this pose; for final poses alone.
     pub supporting_hypotheses: Option<usize>,
-    /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 1 to
-    /// 10; for final poses alone.
+    /// Standard deviation of the translation, in voxel sizes of the downsampled clouds, from 0.02
+    /// to 10; for final poses alone.
     pub translation_std: Option<f64>,
-    /// Difference of the ranking from that of the best other pose, from -2.5 to 2.5; for final poses
+    /// Difference of the ranking from that of the best other pose, from -8 to 8; for final poses
     /// alone.
     pub margin: Option<f64>,
     /// Degrees of freedom that the surfaces leave unconstrained: such a pose is not accepted; for final

@@ -44,14 +44,16 @@ struct DemoOutput<'a> {
 
 impl DemoCommand {
     pub(super) fn run(&self) -> Result<CommandOutcome> {
-        let method = self.method.for_closed_shape()?.chain()?;
+        let method = self.method.chain()?;
         let mesh = boulder();
         let (first, second) =
             (self.seed.wrapping_mul(2), self.seed.wrapping_mul(2).wrapping_add(1));
         let source = mesh.sample(self.points, first)?;
         let target = mesh.sample(self.points, second)?;
         let truth = Transform { translation: [2.0, -1.0, 0.5], ..large_rotation(self.seed) };
-        let target = target.transformed(&truth)?;
+        // The viewpoint, in the middle of the shape, orients normals alike in both clouds.
+        let source = source.with_viewpoint([0.0; 3])?;
+        let target = target.with_viewpoint([0.0; 3])?.transformed(&truth)?;
         if let Some(folder) = &self.write {
             std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
             let files = ["source.pcd", "target.pcd", "truth.txt"].map(|name| folder.join(name));

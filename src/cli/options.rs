@@ -9,7 +9,7 @@ use crate::descriptor::HistogramScale;
 use crate::error::{Error, Result};
 use crate::filter::Downsampling;
 use crate::io;
-use crate::method::{Consensus, Effort, GivenDescriptors, Method, Pipeline};
+use crate::method::{Consensus, GivenDescriptors, Method, Pipeline};
 use crate::pose::{Prior, RotationBound, ScaleEstimate, Solver};
 use crate::verify::VerdictModel;
 use crate::weight::{Bandwidth, Normalization, WeightScheme};
@@ -89,10 +89,6 @@ pub(super) struct MethodOptions {
     /// cpd, dare
     #[arg(long, value_name = "METHOD,..", value_delimiter = ',')]
     refine: Vec<String>,
-    /// Time that consensus takes where the first stage of its search finds no pose that is accepted:
-    /// quick (none), normal (descriptors of three other sizes), thorough (of five) [default: normal]
-    #[arg(long)]
-    effort: Option<Effort>,
     /// Number of nearest points of a descriptor, the point itself included; a smaller cloud uses all
     /// (cf-spectral: 100) [default: 150]
     #[arg(long, value_name = "K", conflicts_with = "radius", allow_negative_numbers = true)]
@@ -281,19 +277,6 @@ impl MethodOptions {
         options
     }
 
-    /// Returns the options for samples of a closed shape, which no sensor scanned: normals point
-    /// outward where the method has them and no other orientation is given.
-    pub(super) fn for_closed_shape(&self) -> Result<MethodOptions> {
-        let outward = "outward";
-        let method: Method = self.method.parse()?;
-        let has_normals = method.with([("orientation", outward.into())]).is_ok();
-        let mut options = self.clone();
-        if has_normals && options.orientation.is_none() {
-            options.orientation = Some(outward.into());
-        }
-        Ok(options)
-    }
-
     /// Returns the constraints on the pose, if there are any.
     fn prior(&self) -> Result<Option<Prior>> {
         let mut prior = self.prior_options.prior()?;
@@ -313,7 +296,6 @@ impl MethodOptions {
     fn flags(&self) -> Vec<(&'static str, Value)> {
         let mut flags = Vec::new();
         let mut add = |name, value: Option<Value>| flags.extend(value.map(|value| (name, value)));
-        add("effort", self.effort.map(|effort| json!(effort)));
         add("neighbors", self.neighbors.map(Value::from));
         add("radius", self.radius.map(json_number));
         if !self.more_neighbors.is_empty() {

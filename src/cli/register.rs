@@ -221,7 +221,7 @@ fn advice(registration: &Registration) -> &'static str {
             "something that distinguishes the poses: --channels, --direction, --near, or the viewpoints of the sensors (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Some(Method::Consensus(_)) => {
-            "--effort thorough, another --voxel, or the viewpoints of the sensors (VIEWPOINT of PCD, or --viewpoints origin)"
+            "--set seeds=1000, another --voxel, or the viewpoints of the sensors (VIEWPOINT of PCD, or --viewpoints origin)"
         }
         Some(Method::Cf(cf)) if cf.features.more_scales.is_empty() => {
             "--method cf-multiscale, --refine gicp, another --voxel, or --orientation"

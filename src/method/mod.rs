@@ -39,7 +39,7 @@ pub use cf::Cf;
 pub use cf_spectral::CfSpectral;
 pub use cfk::Cfk;
 pub use channels::Channel;
-pub use consensus::{Consensus, Effort, ScoredPose};
+pub use consensus::{Consensus, ScoredPose};
 pub use cpd::Cpd;
 pub use dare::Dare;
 pub use features::{DescriptorScale, FeatureCloud, FeatureConfig};

@@ -9,14 +9,10 @@ use super::evidence::Evidence;
 use crate::error::{Error, Result};
 use crate::io::{self, truncate_message};
 
-/// Informative range of [`Confidence::translation_std`], in voxels. Sources left out are judged best with
-/// a lower end of 1 (`python -m verdict.fit_verdict`; kept: `benches/results/*-verdict-*.md`).
-const TRANSLATION_STD_RANGE: [f64; 2] = [1.0, 10.0];
-/// Informative range of [`Confidence::margin`]. Chosen as the range of the deviation, among 2 to 8.
-const MARGIN_RANGE: [f64; 2] = [-2.5, 2.5];
-/// Hypotheses that count as evidence: more of them say nothing more. Chosen as the range of the
-/// deviation.
-const MAX_SUPPORTING_HYPOTHESES: usize = 5;
+/// Informative range of [`Confidence::translation_std`], in voxels. Chosen by hand.
+const TRANSLATION_STD_RANGE: [f64; 2] = [0.02, 10.0];
+/// Informative range of [`Confidence::margin`]. Chosen by hand.
+const MARGIN_RANGE: [f64; 2] = [-8.0, 8.0];
 /// Log odds are clamped to ± this value: no probability is 0 or 1. Chosen by hand.
 const MAX_LOG_ODDS: f64 = 30.0;
 
@@ -36,8 +32,8 @@ static BUILT_IN: LazyLock<VerdictModel> = LazyLock::new(|| {
 /// The first, `pose`, ranks the poses of a pair: the difference of two is the logarithm of how much
 /// more probable one is than the other. The second, `answer`, gives the log odds of the best pose,
 /// with + supporting_hypotheses · ln(1 + h) + translation_std · ln(s) + margin · m: hypotheses that
-/// converged to the pose, at most 5, standard deviation of its translation in voxels, from 1 to 10, and
-/// difference of its ranking from that of the best other pose of the search, from -2.5 to 2.5.
+/// converged to the pose, standard deviation of its translation in voxels, and difference of its
+/// ranking from that of the best other pose of the search, from -8 to 8.
 ///
 /// The built-in model ([`VerdictModel::default`]) is the file `src/verify/model.json`, which
 /// `python-ref/verdict` writes. A file of the same form replaces it
@@ -139,10 +135,6 @@ pub struct Thresholds {
     pub reject: f64,
     /// A pose is ambiguous if an alternative has at least this share of its probability.
     pub ambiguous_odds: f64,
-    /// A pose is ambiguous if its ranking exceeds that of another pose by less than this, in log odds;
-    /// 0 if a file of a model leaves it out.
-    #[serde(default)]
-    pub ambiguous_margin: f64,
 }
 
 impl Default for Thresholds {
@@ -216,7 +208,7 @@ impl VerdictModel {
     /// # Errors
     /// [`Error::Config`] with the name of the first number that is out of range.
     pub fn validate(&self) -> Result<()> {
-        let Thresholds { accept, reject, ambiguous_odds, ambiguous_margin } = self.thresholds;
+        let Thresholds { accept, reject, ambiguous_odds } = self.thresholds;
         if !(0.0..=1.0).contains(&accept) {
             return Err(Error::config("accept", accept, "must be in [0, 1]"));
         }
@@ -226,9 +218,6 @@ impl VerdictModel {
         }
         if !(0.0..=1.0).contains(&ambiguous_odds) {
             return Err(Error::config("ambiguous_odds", ambiguous_odds, "must be in [0, 1]"));
-        }
-        if !ambiguous_margin.is_finite() {
-            return Err(Error::config("ambiguous_margin", ambiguous_margin, "must be finite"));
         }
         let answer = &self.answer;
         let others = [answer.supporting_hypotheses, answer.translation_std, answer.margin];
@@ -263,8 +252,7 @@ impl VerdictModel {
     /// Every pair, even an unrelated one, has a pose that ranks first; then few other hypotheses
     /// converge to it and it is poorly constrained.
     pub(crate) fn probability(&self, confidence: &Confidence) -> f64 {
-        let hypotheses = confidence.supporting_hypotheses.min(MAX_SUPPORTING_HYPOTHESES);
-        let hypotheses = (hypotheses as f64).ln_1p();
+        let hypotheses = (confidence.supporting_hypotheses as f64).ln_1p();
         let translation_std = confidence.bounded_translation_std().ln();
         let c = &self.answer;
         let log_odds = c.evidence.log_odds(&confidence.evidence)
@@ -293,10 +281,7 @@ mod tests {
         };
         assert!(probability(11, 0.3) > 0.7 && probability(1, 8.0) < 0.3);
         assert!(probability(2, 0.3) > probability(1, 0.3));
-        assert!(probability(2, 1.5) > probability(2, 3.0));
-        // Beyond their ranges terms say nothing more.
-        assert_eq!(probability(2, 0.1), probability(2, 0.3));
-        assert_eq!(probability(6, 0.3), probability(60, 0.3));
+        assert!(probability(2, 0.1) > probability(2, 0.3));
     }
 
     #[test]
@@ -321,7 +306,6 @@ mod tests {
         assert_eq!(field(|model| model.thresholds.accept = 1.5), "accept");
         assert_eq!(field(|model| model.thresholds.reject = 0.9), "reject");
         assert_eq!(field(|model| model.thresholds.ambiguous_odds = -0.1), "ambiguous_odds");
-        assert_eq!(field(|model| model.thresholds.ambiguous_margin = f64::NAN), "ambiguous_margin");
         assert_eq!(field(|model| model.answer.evidence.overlap = f64::NAN), "answer");
         assert_eq!(field(|model| model.pose.overlap = f64::INFINITY), "pose");
     }

@@ -134,7 +134,7 @@ impl Verdict {
         mut runner_up: Option<RunnerUp>,
         covariance: Option<PoseCovariance>,
     ) -> Verdict {
-        let Thresholds { accept, reject, ambiguous_odds, .. } = model.thresholds;
+        let Thresholds { accept, reject, ambiguous_odds } = model.thresholds;
         let alone = runner_up.map_or(0.0, |other| other.probability);
         let [shared, other] = exclusive_probabilities(probability, alone);
         let has_rival = alone >= accept && other >= ambiguous_odds * shared;
@@ -178,22 +178,6 @@ impl Verdict {
         self.reasons.push(format!(
             "turned by quarter turns, {percent:.0} % of the source still lies on the target"
         ));
-        self
-    }
-
-    /// Changes an accepted pose to ambiguous because its ranking exceeds that of the runner-up by no
-    /// more than `margin`, in log odds: the two share the probability as they rank.
-    pub(crate) fn with_close_rival(mut self, margin: f64) -> Verdict {
-        if self.decision != Decision::Accept {
-            return self;
-        }
-        self.decision = Decision::Ambiguous;
-        let share = 1.0 / (1.0 + (-margin).exp());
-        if let Some(other) = &mut self.runner_up {
-            other.probability = (1.0 - share) * self.probability;
-            self.probability *= share;
-        }
-        self.reasons.push("another pose fits the surfaces nearly as well".into());
         self
     }
 

@@ -39,9 +39,7 @@ fn json_is_one_object_with_the_documented_fields() {
     let folder = demo();
     let output = cfreg(
         folder.path(),
-        &format!(
-            "{PAIR} --method cf --orientation outward --verdict=off --json --voxel 0.02 --sample 1800 --seed 4"
-        ),
+        &format!("{PAIR} --method cf --verdict=off --json --voxel 0.02 --sample 1800 --seed 4"),
     );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -217,10 +215,7 @@ fn a_verdict_is_told_of_any_pose_and_method() {
     assert!(plain.get("verdict").is_none() && plain["fitness"] == told["fitness"]);
     // Of a method that has none of its own.
     for (line, decision) in [("--verdict=off", Value::Null), ("", "accept".into())] {
-        let found = cfreg(
-            folder.path(),
-            &format!("{PAIR} --method cf-multiscale --orientation outward --json {line}"),
-        );
+        let found = cfreg(folder.path(), &format!("{PAIR} --method cf-multiscale --json {line}"));
         let found: Value = serde_json::from_slice(&found.stdout).unwrap();
         assert_eq!(found["verdict"].get("decision").unwrap_or(&Value::Null), &decision);
         assert_eq!(found["time_s"].get("verdict").is_some(), line.is_empty());
@@ -253,10 +248,7 @@ fn settings_reach_the_method() {
     let folder = demo();
     let settings = "--neighbors 80 --normal-neighbors 30 --orientation outward --histogram open3d \
         --weights student-t:3 --normalize sinkhorn:2 --solver walker --scale symmetric --threads 1";
-    let output = cfreg(
-        folder.path(),
-        &format!("{PAIR} --method cf --orientation outward --json {settings}"),
-    );
+    let output = cfreg(folder.path(), &format!("{PAIR} --method cf --json {settings}"));
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
     let config = &answer["config"];
     assert_eq!(config["neighborhood"]["nearest"], 80);

@@ -6,9 +6,7 @@ use cfreg::benchmark::{self, Settings, SuccessCriterion, list};
 use cfreg::cloud::ViewpointSource;
 use cfreg::cloud::shape::boulder;
 use cfreg::math::{self, Vec3};
-use cfreg::method::{
-    Consensus, Effort, Icp, Method, Metric, Pipeline, Refine, Register, Registration,
-};
+use cfreg::method::{Consensus, Icp, Method, Metric, Pipeline, Refine, Register, Registration};
 use cfreg::verify::{Decision, Warning};
 use cfreg::{Error, PointCloud, Transform, io, par};
 use rand::{RngExt, SeedableRng};
@@ -164,38 +162,6 @@ fn halves_that_share_nothing_are_rejected() {
         !found.trusted
             && found.doubts.iter().any(|doubt| doubt.to_string().contains("overlap too little"))
     );
-}
-
-#[test]
-fn effort_counts_only_where_the_first_stage_is_not_accepted() {
-    let register = |effort, source: &PointCloud, target: &PointCloud| {
-        Consensus { effort, ..Consensus::default() }.register(source, target).unwrap()
-    };
-    let widened = |found: &Registration| {
-        let reasons = &found.verdict.as_ref().unwrap().reasons;
-        reasons.iter().any(|reason| reason.contains("the first stage of the search"))
-    };
-    let (source, target, _) = samples(3000);
-    let quick = register(Effort::Quick, &source, &target);
-    assert_eq!(decision(&quick), Decision::Accept);
-    for effort in [Effort::Normal, Effort::Thorough] {
-        let found = register(effort, &source, &target);
-        assert_eq!(found.transform, quick.transform);
-        assert!(!widened(&found), "{effort}");
-    }
-    // Halves that share nothing have no pose that any stage accepts.
-    let half = |cloud: &PointCloud, side: f64| {
-        let points: Vec<Vec3> = cloud.positions().filter(|p| side * p[0] > 0.2).collect();
-        PointCloud::new(&points).unwrap()
-    };
-    let [first, second] = [1, 2].map(|seed| boulder().sample(6000, seed).unwrap());
-    let (source, target) = (half(&first, 1.0), half(&second, -1.0));
-    for (effort, runs) in [(Effort::Quick, false), (Effort::Normal, true), (Effort::Thorough, true)]
-    {
-        let found = register(effort, &source, &target);
-        assert_ne!(decision(&found), Decision::Accept, "{effort}");
-        assert_eq!(widened(&found), runs, "{effort}");
-    }
 }
 
 #[test]

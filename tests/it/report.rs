@@ -113,7 +113,7 @@ fn a_kept_result_is_shown_while_its_clouds_are_there() {
     let folder = demo();
     let output = line(
         folder.path(),
-        "register pair/source.pcd pair/target.pcd --method cf --orientation outward --sample 700 --seed 3 --json --report at-once.html",
+        "register pair/source.pcd pair/target.pcd --method cf --sample 700 --seed 3 --json --report at-once.html",
     );
     fs::write(folder.path().join("kept.json"), &output.stdout).unwrap();
     let output = line(folder.path(), "report kept.json --figure kept.svg");

@@ -175,7 +175,7 @@ def register(
     keep_no_returns : keep rows that mark measurements without a return, 20 or more at exactly one
         place, mostly (0, 0, 0); `points` of the result counts those left out
     settings : of the method, by the fields of its class, which help(cfreg.CF) and its kin
-        explain: of "consensus" voxel, seeds, effort, prior, channels, range_limit; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
+        explain: of "consensus" voxel, seeds, prior, channels, range_limit; of "cf" weights, beta, normalize, tolerance, solver, scale; neighbors, radius,
         normal_neighbors, more_neighbors, orientation, histogram; threads
 
     Returns

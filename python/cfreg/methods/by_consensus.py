@@ -28,8 +28,6 @@ class Consensus(Method):
         thinned to one point per cube of this side. None: such that 5000 points are left of
         the cloud where it is longer
     seeds : matches from which a pose is sought, at least 1; more find smaller overlaps
-    effort : time to take where the first stage of the search finds no pose that is accepted: "quick",
-        none; "normal", descriptors of three other sizes; "thorough", of five
     prior : cfreg.Prior, what is known of the pose beforehand
     channels : names of channels of both clouds to compare points by too, "intensity:0.5" with
         a share: 1, the default, matters as much as the whole shape
@@ -50,7 +48,6 @@ class Consensus(Method):
     name: ClassVar[str] = "consensus"
     voxel: float | None = None
     seeds: int = 200
-    effort: str = "normal"
     prior: Prior | None = None
     channels: str | Sequence[str] = ()
     given_descriptors: str | None = None

@@ -1,7 +1,6 @@
 //! Consensus: consistent correspondences of the full connection, verified on the surfaces.
 
 mod alternatives;
-mod effort;
 mod filtered_cloud;
 mod fine_pose;
 mod hypotheses;
@@ -17,7 +16,6 @@ mod weight_graph;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::effort::Effort;
 use self::filtered_cloud::FilteredCloud;
 use self::fine_pose::{FinePose, MIN_PROBABILITY_FOR_ALTERNATIVES, best_trial};
 pub(super) use self::hypotheses::PointPair;
@@ -81,10 +79,6 @@ pub struct Consensus {
     /// Number of correspondences from which a pose is searched, at least 1; default 200. More seeds
     /// find smaller overlaps, at proportional cost.
     pub seeds: usize,
-    /// Time to take where the first stage of the search finds no pose that is accepted; default
-    /// [`Effort::Normal`]. Descriptors that the clouds carry, and given correspondences, have one
-    /// stage.
-    pub effort: Effort,
     /// Constraints on the pose ([`Prior`]), except on its scale; default none. Poses of
     /// correspondences are exactly the best allowed; on the surfaces each step is projected to the
     /// nearest allowed pose.
@@ -121,7 +115,6 @@ impl Default for Consensus {
         Consensus {
             voxel: None,
             seeds: 200,
-            effort: Effort::default(),
             prior: Prior::default(),
             channels: Vec::new(),
             given_descriptors: None,
@@ -169,8 +162,6 @@ pub(super) struct ConsensusSearch<'a> {
     best: LocalScoredPose,
     /// Poses that could rival the best one, most probable first.
     alternatives: Vec<LocalScoredPose>,
-    /// Whether the second stage ran.
-    is_widened: bool,
 }
 
 impl Consensus {
@@ -282,43 +273,27 @@ impl Consensus {
         let sensors =
             times.time("viewpoints", || par::join_pair(ends(), |scan| scan.known_viewpoint()))?;
         let trials = config.run_trials(&scans, sensors, given, length, times)?;
-        ConsensusSearch::new(config, given, scans, sensors, trials, times)?.widen(times)
-    }
-}
-
-impl<'a> ConsensusSearch<'a> {
-    /// Chooses the best pose of all `trials`.
-    fn new(
-        config: Consensus,
-        given: Option<&'a [PointPair]>,
-        scans: [Scan<'a>; 2],
-        known_viewpoints: [Option<ViewpointHypothesis>; 2],
-        trials: Vec<ViewpointTrial>,
-        times: &mut Timings,
-    ) -> Result<Self> {
         let Some(best_trial) = best_trial(&trials) else { return Err(Error::NO_WEIGHT) };
         let trial = &trials[best_trial];
-        let voxel_size = trial.correspondences.voxel_size;
-        let best = times.time("refine", || config.refine_candidates(trial, voxel_size));
+        let best = times.time("refine", || self.refine_candidates(trial, length));
         let Some(mut best) = best else { return Err(Error::NO_WEIGHT) };
         let mut alternatives = Vec::new();
-        if config.usual_probability(best.scored.evidence) > MIN_PROBABILITY_FOR_ALTERNATIVES {
-            alternatives = times
-                .time("alternatives", || config.find_alternatives(&mut best, trial, voxel_size));
+        if self.usual_probability(best.scored.evidence) > MIN_PROBABILITY_FOR_ALTERNATIVES {
+            alternatives =
+                times.time("alternatives", || self.find_alternatives(&mut best, trial, length));
         }
         let FinePose { refined, scored } = best;
         Ok(ConsensusSearch {
             config,
             given,
-            voxel_size,
+            voxel_size: length,
             scans,
-            known_viewpoints,
+            known_viewpoints: sensors,
             trials,
             best_trial,
             refined,
             best: scored,
             alternatives,
-            is_widened: false,
         })
     }
 }

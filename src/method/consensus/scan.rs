@@ -26,7 +26,7 @@ const NORMAL_NEIGHBORS: usize = 20;
 /// Number of nearest points for a descriptor. Chosen by hand.
 const DESCRIPTOR_NEIGHBORS: usize = 100;
 /// The descriptor of surfaces. Chosen by hand.
-pub(super) const FPFH: Fpfh = Fpfh { histogram: HistogramScale::Open3d };
+const FPFH: Fpfh = Fpfh { histogram: HistogramScale::Open3d };
 /// Absolute cosine of the angle between an estimated normal and the cloud's own from which on the
 /// latter tells the side: 60 degrees. Chosen by hand.
 const MIN_STORED_COSINE: f32 = 0.5;

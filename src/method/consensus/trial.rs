@@ -21,15 +21,14 @@ const MIN_MUTUAL: usize = 16;
 /// Number of points in the first scoring of hypotheses. Chosen by hand.
 const COARSE_POINTS: usize = 200;
 /// Number of hypotheses that are refined. Chosen by hand.
-pub(super) const REFINED_HYPOTHESES: usize = 12;
+const REFINED_HYPOTHESES: usize = 12;
 /// Scoring of hypotheses: their poses are off by some voxels. Chosen by hand.
 const GLANCE: Measurement = Measurement { max_points: COARSE_POINTS, pose_error: 2.0 };
 /// Scoring of refined poses. Chosen by hand.
 const REFINED: Measurement =
     Measurement { max_points: COARSE_REFINEMENT.max_points, pose_error: 0.0 };
-/// Probability of a pose, if it is as usual, from which on no other viewpoints are tried. Chosen by
-/// hand.
-pub(super) const EARLY_EXIT_PROBABILITY: f64 = 0.997;
+/// Probability of a pose from which on no other viewpoints are tried. Chosen by hand.
+const EARLY_EXIT_PROBABILITY: f64 = 0.98;
 /// Factor by which descriptors count more where channels are compared with them: who names channels
 /// says that they tell poses apart. Chosen by hand.
 const CHANNEL_WEIGHT: f64 = 5.0;
@@ -275,23 +274,14 @@ fn score_pose(
     LocalScoredPose::new(*pose, evidence, config)
 }
 
-/// Returns mutual nearest neighbours by the descriptors of a `table`.
+/// Returns mutual nearest neighbours by the descriptors of a `table`; if there are too many, the most
+/// similar ones.
 pub(super) fn match_features(
-    surfaces: &[Arc<Surface>; 2],
+    [source, target]: &[Arc<Surface>; 2],
     table: impl Fn(&Surface) -> &Descriptors,
     length: f64,
 ) -> Result<Correspondences> {
-    let [source, target] = surfaces.each_ref().map(|side| &**side);
-    match_descriptors([source, target], [table(source), table(target)], length)
-}
-
-/// Returns mutual nearest neighbours by descriptors of the points of both surfaces; if there are
-/// too many, the most similar ones.
-pub(super) fn match_descriptors(
-    [source, target]: [&Surface; 2],
-    [from, onto]: [&Descriptors; 2],
-    length: f64,
-) -> Result<Correspondences> {
+    let (from, onto) = (table(source), table(target));
     let connection = FullConnection::new(source.feature_view(from), target.feature_view(onto))?;
     let mut pairs = connection.mutual_nearest();
     if pairs.len() < MIN_MUTUAL {

@@ -121,17 +121,10 @@ impl ConsensusSearch<'_> {
             ));
         }
         reasons.extend(self.excluded_points());
-        reasons.extend(self.effort_reason());
         let runner_up = self.find_runner_up(pose, &confidence, alternatives);
         let model = self.config.verdict_model();
         let probability = model.probability(&confidence);
         let verdict = Verdict::new(model, probability, *evidence, reasons, runner_up, covariance);
-        let verdict = match confidence.margin {
-            Some(margin) if margin < model.thresholds.ambiguous_margin => {
-                verdict.with_close_rival(margin)
-            }
-            _ => verdict,
-        };
         if verdict.decision == Decision::Reject {
             return verdict;
         }
